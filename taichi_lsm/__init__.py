@@ -1,0 +1,55 @@
+"""Lattice Solid Model of granular matter with real grain shapes, after Abe & Mora (2003).
+
+Public names are imported when first used: Taichi is loaded only when something is simulated.
+"""
+
+import importlib
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Scene": "simulation",
+    "Simulation": "simulation",
+    "Platen": "drives",
+    "Fixed": "drives",
+    "ConstantVelocity": "drives",
+    "ServoStress": "drives",
+    "LinearElastic": "effects.linear_elastic",
+    "CoulombFriction": "effects.coulomb_friction",
+    "ViscousDamping": "effects.viscous_damping",
+    "Gravity": "effects.gravity",
+    "find_effects": "effects",
+    "GrainShape": "shapes",
+    "disc": "shapes",
+    "sphere": "shapes",
+    "arc_chain": "shapes",
+    "from_polygon": "shapes",
+    "regular_disc_of_arcs": "shapes",
+    "random_angular_shapes": "shapes",
+    "grain_diameters": "packing",
+    "loose_packing": "packing",
+    "rough_platen": "packing",
+    "ShearedLayer": "layer",
+    "LayerRecorder": "recording",
+    "steady_state": "analysis",
+    "steady_ratio": "analysis",
+    "combine_replicas": "analysis",
+    "difference": "analysis",
+    "open_run": "analysis",
+    "references": "analysis",
+    "InputError": "errors",
+    "SimulationError": "errors",
+    "Variable": "schema",
+}
+
+__all__ = ["__version__", *_HOME]
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__():
+    return sorted(__all__)

@@ -1,0 +1,77 @@
+"""What a listed pair of grains stores: partner, force, cached features and the history of its effects."""
+
+from ..runtime import ti
+from ..schema import Variable
+from ..state import allocate, bytes_per_row, rounded_capacity, spin_size
+
+# Bits of `status`.
+TOUCHING = 1
+SLIDING = 2
+
+
+def pair_variables(rotates, shaped, history):
+    """Rows stored per slot of the neighbour list; `history` is the number of values that the effects remember."""
+    rows = [
+        Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
+        Variable("partner_id", ("contact",), "i32", "1", "persistent number of the second grain", True),
+        Variable("status", ("contact",), "i32", "1", "bit 1: touching, bit 2: sliding", True),
+        Variable("pair_force", ("contact", "space"), "real", "N", "force on the second grain", True),
+    ]
+    if rotates:
+        rows.append(Variable("pair_torque", ("contact", "spin"), "real", "N m", "torque on the second grain", True))
+    if shaped:
+        rows.append(Variable("feature", ("contact", "two"), "i32", "1", "patches that face each other", True))
+    if history:
+        rows.append(Variable("history", ("contact", "history"), "real", "1", "values kept by the effects", True))
+    return rows
+
+
+@ti.data_oriented
+class Pairs:
+    """Half list in CSR order (each pair at its lower id) and its transpose, with the pair's memory per slot."""
+
+    def __init__(self, dim, grain_capacity, capacity, rotates, shaped, history):
+        self.capacity = rounded_capacity(capacity)
+        self.history_size = history
+        self.shaped = shaped
+        self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2}
+        self.variables = pair_variables(rotates, shaped, history)
+        for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
+            setattr(self, name, field)
+        kept = {"partner_id", "status", "feature", "history"}
+        self.kept = [v for v in self.variables if v.name in kept]
+        self.old = allocate(self.kept, self.capacity, self.sizes)
+        self.column = ti.field(ti.i32, self.capacity)
+        self.row_start = ti.field(ti.i32, grain_capacity + 1)
+        self.column_start = ti.field(ti.i32, grain_capacity + 1)
+        self.old_start = ti.field(ti.i32, grain_capacity + 1)
+        self.cursor = ti.field(ti.i32, grain_capacity + 1)
+
+    def bytes_per_pair(self):
+        """Memory of one list slot, the copy needed at a rebuild and the transpose included [bytes]."""
+        return bytes_per_row(self.variables, self.sizes) + bytes_per_row(self.kept, self.sizes) + 4
+
+    @ti.func
+    def keep(self, s):
+        """Copy what must survive a rebuild of the list."""
+        self.old.partner_id[s] = self.partner_id[s]
+        self.old.status[s] = self.status[s]
+        if ti.static(self.shaped):
+            self.old.feature[s] = self.feature[s]
+        if ti.static(self.history_size > 0):
+            self.old.history[s] = self.history[s]
+
+    @ti.func
+    def restore(self, s, o):
+        """Give slot `s` the memory of old slot `o`, or an empty one if o < 0."""
+        self.status[s] = 0
+        if ti.static(self.shaped):
+            self.feature[s] = ti.Vector([-1, -1])  # not known yet
+        if ti.static(self.history_size > 0):
+            self.history[s] = ti.Vector([0.0] * self.history_size)
+        if o >= 0:
+            self.status[s] = self.old.status[o]
+            if ti.static(self.shaped):
+                self.feature[s] = self.old.feature[o]
+            if ti.static(self.history_size > 0):
+                self.history[s] = self.old.history[o]

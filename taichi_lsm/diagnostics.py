@@ -1,0 +1,145 @@
+"""Sums over grains and contacts at one instant: energies, stress, coordination, in a fixed order.
+
+Grains are summed in blocks of consecutive ids, blocks one after the other: the bits do not depend on threads.
+"""
+
+import numpy as np
+
+from .contact.pairs import SLIDING
+from .runtime import ti
+
+BLOCK = 64
+
+
+@ti.data_oriented
+class Measure:
+    """One pass over the state. `sums()` returns {name: value}, SI, velocities synchronised with positions.
+
+    translational_energy, rotational_energy [J] of mobile grains; energy_<law> [J] stored and dissipated_<law> [J]
+    booked by each law; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
+    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap);
+    stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
+    at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
+    """
+
+    def __init__(self, forces, integrator):
+        self.forces, self.integrator = forces, integrator
+        self.grains, self.pairs, self.dim = forces.grains, forces.pairs, forces.dim
+        self.stores = [e for e in forces.laws if hasattr(type(e), "contact_energy")]
+        self.pulls = [e for e in forces.body_laws if hasattr(type(e), "grain_energy")]
+        self.names = ["translational_energy", "rotational_energy"]
+        self.names += [f"energy_{e.name}" for e in self.stores + self.pulls]
+        if forces.ledger:
+            self.names += [f"dissipated_{e.name}" for e in forces.books]
+        self.names += ["contact_count", "contact_ends", "sliding_count"]
+        self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
+        self.at = {name: i for i, name in enumerate(self.names)}
+        self.width = len(self.names)
+        blocks = -(-self.grains.slot_of.shape[0] // BLOCK)
+        self.block_sum = ti.Vector.field(self.width, ti.f64, blocks)
+        self.block_deepest = ti.field(ti.f64, blocks)
+        self.result = ti.field(ti.f64, self.width + 1)
+
+    @ti.func
+    def inside(self, y, reach, low, high):
+        """Part of the segment from y to y + reach that lies in the slab [-]."""
+        bottom, top = ti.min(y, y + reach), ti.max(y, y + reach)
+        part = ti.cast(0.0, ti.f64)
+        if top > bottom:
+            part = ti.max(0.0, ti.min(top, high) - ti.max(bottom, low)) / (top - bottom)
+        elif bottom >= low and bottom < high:
+            part = 1.0
+        return part
+
+    @ti.func
+    def add_grain(self, k, low, high, velocity, gradient, total: ti.template()):
+        g = self.grains
+        if g.platen[k] < 0:
+            h = 0.5 * self.integrator.dt[None]
+            m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
+            force, torque = self.forces.gathered(k)
+            v = g.velocity[k] + force * (h / m)
+            total[0] += 0.5 * m * v.dot(v)
+            if ti.static(self.forces.rotates):
+                for c in ti.static(range(g.sizes["spin"])):
+                    omega = g.spin[k][c] + torque[c] * (g.inverse_inertia[k][c] * h)
+                    total[1] += 0.5 * omega * omega / g.inverse_inertia[k][c]
+            for law in ti.static(self.pulls):
+                total[ti.static(self.at["energy_" + law.name])] += law.grain_energy(g.inverse_mass[k], g.position[k])
+            y = g.position[k][1]
+            if y >= low and y < high:
+                v[0] -= velocity + gradient * (y - low)
+                for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += m * v[a] * v[b]
+        if ti.static(self.forces.ledger):
+            for law in ti.static(self.forces.books):
+                spent = g.dissipated[k][ti.static(self.forces.book_of(law))]
+                total[ti.static(self.at["dissipated_" + law.name])] += spent
+
+    @ti.func
+    def add_contact(self, k, s, low, high, total: ti.template()):
+        g, pairs = self.grains, self.pairs
+        l = pairs.partner[s]
+        d = self.forces.shortest(k, l)
+        depth, n, arm_k, arm_l = self.forces.overlap(k, l, s, d, 0)
+        contact = self.forces.contact_of(k, l, depth, n, arm_k, arm_l, 0.0)
+        for law in ti.static(self.stores):
+            if ti.static(law.history_size(self.dim) > 0):
+                memory = self.forces.history_of(law, s)
+                total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, memory)
+            else:
+                total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, 0)
+        total[ti.static(self.at["contact_count"])] += 1.0
+        total[ti.static(self.at["contact_ends"])] += ti.select(g.platen[k] < 0, 1.0, 0.0) + ti.select(
+            g.platen[l] < 0, 1.0, 0.0
+        )
+        total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] >= SLIDING, 1.0, 0.0)
+        part = self.inside(g.position[k][1], d[1], low, high)
+        for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+            total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * pairs.pair_force[s][a] * d[b]
+        limit = g.radius[k] + g.radius[l]
+        if ti.static(self.forces.shaped):
+            limit = g.cap_radius[k] + g.cap_radius[l]
+        return ti.cast(depth / limit, ti.f64)
+
+    @ti.kernel
+    def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64):
+        g, pairs = self.grains, self.pairs
+        count = g.count[None]
+        blocks = (count + BLOCK - 1) // BLOCK
+        for block in range(blocks):
+            total = ti.Vector([ti.cast(0.0, ti.f64)] * self.width)
+            deepest = ti.cast(0.0, ti.f64)
+            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+                k = g.slot_of[i]
+                self.add_grain(k, low, high, velocity, gradient, total)
+                for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
+                    if pairs.status[s] != 0:
+                        deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
+            self.block_sum[block] = total
+            self.block_deepest[block] = deepest
+        ti.loop_config(serialize=True)
+        for c in range(self.width + 1):
+            self.result[c] = 0.0
+        ti.loop_config(serialize=True)
+        for block in range(blocks):
+            for c in ti.static(range(self.width)):
+                self.result[c] += self.block_sum[block][c]
+            self.result[self.width] = ti.max(self.result[self.width], self.block_deepest[block])
+
+    def sums(self, low=-np.inf, high=np.inf, volume=1.0, velocity=0.0, gradient=0.0):
+        """Measure now; see the class docstring.
+
+        Stress is taken over low <= y < high [m], volume [m3], where the mean velocity along x is
+        velocity + gradient (y - low) [m s-1, s-1].
+        """
+        self.reduce(low, high, velocity, gradient)
+        values = self.result.to_numpy()
+        result = {name: float(values[i]) for name, i in self.at.items() if not name.startswith("stress_")}
+        first = self.at["stress_xx"]
+        stress = values[first : first + self.dim**2].reshape(self.dim, self.dim) / volume
+        result["stress"] = stress
+        result["deepest"] = float(values[-1])
+        result["elastic_energy"] = sum(result[f"energy_{e.name}"] for e in self.stores)
+        result["potential_energy"] = sum(result[f"energy_{e.name}"] for e in self.pulls)
+        return result

@@ -1,0 +1,41 @@
+"""The simulated cell: a box, periodic along some axes and open along the others."""
+
+import numpy as np
+
+from .errors import InputError
+from .runtime import ti
+
+
+def check_box(lengths, periodic, largest_diameter, skin):
+    """Refuse a periodic axis on which a grain could meet its own image.
+
+    lengths [m], periodic (bool): one per axis; largest_diameter [m]: of the bounding circles; skin [m].
+    Raises InputError if a periodic length is below 2 (largest_diameter + skin).
+    """
+    for axis, (length, repeats) in enumerate(zip(lengths, periodic, strict=True)):
+        least = 2.0 * (largest_diameter + skin)
+        if repeats and not (np.isfinite(length) and length >= least):
+            raise InputError(f"box axis {'xyz'[axis]}: length {length:g} m is periodic and must be >= {least:g} m")
+
+
+@ti.data_oriented
+class Domain:
+    """Minimum-image geometry of the cell. Positions are never wrapped: wrapping would change their last bits."""
+
+    def __init__(self, lengths, periodic):
+        self.dim = len(lengths)
+        self.periodic = tuple(bool(p) for p in periodic)
+        self.length = ti.field(ti.f64, self.dim)
+        self.inverse_length = ti.field(ti.f64, self.dim)
+        finite = np.where(self.periodic, lengths, 1.0).astype(float)
+        self.length.from_numpy(finite)
+        self.inverse_length.from_numpy(1.0 / finite)
+
+    @ti.func
+    def displacement(self, x_k, x_l):
+        """Vector from x_k to the nearest image of x_l [m]."""
+        d = x_l - x_k
+        for axis in ti.static(range(self.dim)):
+            if ti.static(self.periodic[axis]):
+                d[axis] -= self.length[axis] * ti.floor(d[axis] * self.inverse_length[axis] + 0.5)
+        return d

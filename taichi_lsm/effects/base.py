@@ -1,0 +1,142 @@
+"""The contract of a force law: one file in this folder, one class, discovered by name.
+
+A law is plain data on the host (validated in `__post_init__`) and a few Taichi functions in kernels. It sees a
+`Contact`, its own history and nothing else. Hooks that a class does not define are never compiled.
+
+    class MyLaw(Effect):                 decorated with @ti.data_oriented
+        phase = "normal"                 normal | damping | tangential | body, evaluated in this order
+        history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact
+        def parameters(self)             {name: value}: become 0-d fields `self.<name>_`, readable in kernels
+        on_contact(self, contact, history) -> energy dissipated in this step [J]
+        contact_energy(self, contact, history) -> energy stored now [J]
+        on_grain(self, inverse_mass) -> force [N] on a mobile grain (phase "body")
+        stable_dt(self, bodies) -> largest stable step of this law alone [s], host
+        reach(self) -> extra distance at which pairs are kept [m], host
+        cases(cls) -> instances that the contract tests try
+
+In `on_contact` a law adds to `contact.normal_force` [N, repulsive], `contact.stiffness` [N m-1] and
+`contact.tangential_force` [N, on the second grain], and writes its history in place. It is called while the grains
+touch and once more in the first step after they parted (`contact.touching` = 0, depth 0): it then must return no
+force, leave its history zero, and book what the history held.
+"""
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..runtime import current, ti
+
+PHASES = ("normal", "damping", "tangential", "body")
+
+
+@dataclass(frozen=True)
+class HistoryValue:
+    """One number (per_axis=False) or one tangential vector (per_axis=True: one component in 2D, three in 3D)."""
+
+    name: str
+    units: str
+    long_name: str
+    per_axis: bool = False
+
+    def size(self, dim):
+        """Numbers stored in a scene of this dimension."""
+        return (1 if dim == 2 else 3) if self.per_axis else 1
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """What a law may know of the scene to bound its time step.
+
+    dim; least_mass [kg]: of the mobile grains; spin_factor [-]: greatest R^2 m/I for tangential motion;
+    lever_factor [-]: greatest a^2 m/I for normal motion, a the lever of a surface normal; coordination: contacts
+    that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws.
+    """
+
+    dim: int
+    least_mass: float
+    spin_factor: float
+    lever_factor: float
+    coordination: float
+    normal_stiffness: float
+
+
+def contact_type(dim):
+    """Taichi struct of one contact as the laws see it; world frame, relative to the first grain k.
+
+    depth [m] >= 0; touching 0 | 1; normal [-] from k to l; approach [m s-1]: closing speed -v_rel . n; slip [m s-1]:
+    tangential velocity of l against k at the contact point; spin_about_normal [rad s-1]: mean of both grains;
+    mass [kg]: m_k m_l/(m_k + m_l); dt [s]; the rest is what the laws add up, Eq. (10).
+    """
+    real = current().real
+    vector = ti.types.vector(dim, real)
+    return ti.types.struct(
+        depth=real,
+        touching=ti.i32,
+        normal=vector,
+        approach=real,
+        slip=vector,
+        spin_about_normal=real,
+        mass=real,
+        dt=real,
+        normal_force=real,
+        stiffness=real,
+        tangential_force=vector,
+        sliding=ti.i32,
+    )
+
+
+class Effect:
+    """Base of all laws; see the module's docstring for the contract."""
+
+    phase = "normal"
+    history: tuple[HistoryValue, ...] = ()
+    dissipates = False
+    equation = ""
+
+    @property
+    def name(self):
+        """Snake-case name: used in files, in TOML and by `lsm list`."""
+        return effect_name(type(self))
+
+    def parameters(self):
+        """Values that kernels read, by name; SI."""
+        return {}
+
+    def history_size(self, dim):
+        """Numbers remembered per contact."""
+        return sum(h.size(dim) for h in self.history)
+
+    def normal_stiffness(self):
+        """Stiffness that this law adds along the normal [N m-1]; host."""
+        return 0.0
+
+    def stable_dt(self, bodies):
+        """Largest stable time step of this law alone [s]."""
+        return np.inf
+
+    def reach(self):
+        """Extra distance between surfaces at which the law still acts [m]."""
+        return 0.0
+
+    def bound(self, **context):
+        """Copy whose parameters live in Taichi fields `<name>_`, so that one compilation serves all values."""
+        twin = copy.copy(self)
+        for name, value in twin.parameters().items():
+            values = np.atleast_1d(np.asarray(value, float))
+            field = ti.field(current().real, len(values))
+            field.from_numpy(values.astype(np.float64 if current().real == ti.f64 else np.float32))
+            setattr(twin, f"{name}_", field)
+        return twin
+
+
+def effect_name(cls):
+    """CoulombFriction -> coulomb_friction."""
+    return "".join(("_" if i and c.isupper() else "") + c.lower() for i, c in enumerate(cls.__name__))
+
+
+def require(condition, effect, field, value, allowed):
+    """Raise InputError naming the law's field, its value and what is allowed."""
+    if not condition:
+        raise InputError(f"{type(effect).__name__}.{field} = {value!r}: must be {allowed}")

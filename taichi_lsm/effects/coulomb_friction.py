@@ -1,0 +1,99 @@
+"""Coulomb friction with an elastic spring at each contact."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..runtime import ti
+from .base import Effect, HistoryValue, require
+
+
+@ti.data_oriented
+@dataclass
+class CoulombFriction(Effect):
+    """F_t = -k_t xi, |F_t| <= mu F_n: Cundall & Strack (1979); the friction of Eq. (10).
+
+    coefficient mu [-] >= 0; tangential_stiffness k_t [N m-1] > 0. The spring xi [m] belongs to the pair of grains, so
+    sliding over a seam between patches keeps it. It turns with the contact normal and with the mean spin about it.
+    The work of slip is booked as (F_old + F_new)/2 . slip, which closes the energy budget of the leapfrog steps.
+    """
+
+    coefficient: float
+    tangential_stiffness: float
+
+    phase = "tangential"
+    dissipates = True
+    equation = "F_t = -k_t xi,  |F_t| <= mu F_n"
+    history = (HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),)
+
+    def __post_init__(self):
+        mu, k_t = self.coefficient, self.tangential_stiffness
+        require(np.isfinite(mu) and mu >= 0.0, self, "coefficient", mu, ">= 0")
+        require(np.isfinite(k_t) and k_t > 0.0, self, "tangential_stiffness", k_t, "> 0 N/m")
+
+    def parameters(self):
+        return {"mu": self.coefficient, "k_t": self.tangential_stiffness}
+
+    def stable_dt(self, bodies):
+        """As for the normal spring, with the leverage R^2 m/I of tangential motion."""
+        per_contact = self.tangential_stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
+        return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+
+    @ti.func
+    def on_contact(self, contact: ti.template(), history: ti.template()):
+        mu, k_t, n = self.mu_[0], self.k_t_[0], contact.normal
+        limit = mu * contact.normal_force / k_t
+        dissipated = 0.0 * limit
+        if ti.static(n.n == 2):
+            # along t = n turned by 90 degrees the spring is one number and turns with the contact by itself
+            t = ti.Vector([-n[1], n[0]])
+            xi_old = history[0]
+            trial = xi_old + t.dot(contact.slip) * contact.dt
+            xi = ti.max(-limit, ti.min(limit, trial))
+            if xi != trial:
+                contact.sliding = 1
+            dissipated = 0.5 * k_t * (xi_old + xi) * (trial - xi)
+            contact.tangential_force -= k_t * xi * t
+            history[0] = xi
+        else:
+            xi_old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
+            trial = xi_old + contact.slip * contact.dt
+            xi = trial
+            size2 = trial.dot(trial)
+            if size2 > limit * limit:
+                xi = trial * (limit / ti.sqrt(size2))
+                contact.sliding = 1
+                dissipated = 0.5 * k_t * (xi_old + xi).dot(trial - xi)
+            contact.tangential_force -= k_t * xi
+            for axis in ti.static(range(3)):
+                history[axis] = xi[axis]
+        return dissipated
+
+    @ti.func
+    def contact_energy(self, contact, history):
+        xi2 = history[0] * history[0]
+        if ti.static(contact.normal.n == 3):
+            xi2 += history[1] * history[1] + history[2] * history[2]
+        return 0.5 * self.k_t_[0] * xi2
+
+    @classmethod
+    def cases(cls):
+        return [
+            cls(coefficient=0.5, tangential_stiffness=2.0e2),
+            cls(coefficient=0.0, tangential_stiffness=1.0e3),
+        ]
+
+
+@ti.func
+def transported(xi, n, contact):
+    """Tangential vector carried along with the contact plane: turned to the new normal n, then spun about it.
+
+    Projection on the new plane with the length restored is the least rotation up to the square of the small angle
+    that the normal turns in one step.
+    """
+    along = xi.dot(n)
+    flat = xi - along * n
+    size2 = xi.dot(xi)
+    if along * along > 1.0e-12 * size2:
+        flat *= ti.sqrt(size2 / ti.max(flat.dot(flat), 1.0e-6 * size2))
+    return flat + (contact.spin_about_normal * contact.dt) * n.cross(flat)

@@ -1,0 +1,262 @@
+"""Forces of the contacts: composes the geometry and the effects that a scene lists, at compile time."""
+
+from .contact.narrow import cone_step, cone_violation, sphere_overlap
+from .contact.pairs import SLIDING, TOUCHING
+from .effects import contact_type
+from .effects.base import PHASES
+from .rotation import rotate, spin_velocity, torque_of, unrotate
+from .runtime import current, ti
+
+PAIR_BASE = 2**31
+
+
+def in_order(effects):
+    """Effects sorted by phase: tangential laws read the complete normal force."""
+    return sorted(effects, key=lambda e: PHASES.index(e.phase))
+
+
+@ti.data_oriented
+class ContactForces:
+    """One row of the half list at a time: sums stay in registers, the pair's force is stored for its partner.
+
+    `fault_code` is set to 1 when a depth reaches its cap, where no pair of patches faces each other uniquely any
+    more; `fault_pair` then holds the persistent ids of the grains, first * PAIR_BASE + second.
+    """
+
+    def __init__(self, grains, shapes, domain, pairs, effects):
+        self.grains, self.shapes, self.domain, self.pairs = grains, shapes, domain, pairs
+        self.real = current().real
+        self.dim = grains.dim
+        self.rotates = grains.has("spin")
+        self.shaped = shapes is not None
+        self.ledger = grains.has("dissipated")
+        self.laws = [e for e in in_order(effects) if e.phase != "body"]
+        self.body_laws = [e for e in effects if e.phase == "body"]
+        self.books = [e for e in self.laws if e.dissipates]
+        self.book_count = max(1, len(self.books))
+        self.contact_type = contact_type(self.dim)
+        self.fault_code = ti.field(ti.i32, ())
+        self.fault_pair = ti.field(ti.i64, ())
+        # one accepted violation of a seam, for directions that rounding leaves between two arcs
+        self.seam_tolerance = 1e-12 if self.real == ti.f64 else 1e-5
+
+    def history_slice(self, law):
+        """(first, size) of a law's values in the pair's history."""
+        first = sum(e.history_size(self.dim) for e in self.laws[: self.laws.index(law)])
+        return first, law.history_size(self.dim)
+
+    def book_of(self, law):
+        """Column of the energy ledger in which a law books what it dissipates."""
+        return self.books.index(law)
+
+    @ti.func
+    def fail(self, code: ti.template(), k, l):
+        """Report a fault; of several pairs the one with the highest ids is kept, whatever thread comes first."""
+        g = self.grains
+        ti.atomic_max(self.fault_code[None], code)
+        ti.atomic_max(self.fault_pair[None], (ti.cast(g.id[k], ti.i64) << 31) + g.id[l])
+
+    @ti.func
+    def shortest(self, k, l):
+        """Vector from grain k to the nearest image of grain l [m], in the precision of the contact geometry."""
+        return ti.cast(self.domain.displacement(self.grains.position[k], self.grains.position[l]), self.real)
+
+    @ti.func
+    def overlap(self, k, l, s, d, was):
+        """(depth [m], normal k -> l, arm_k, arm_l [m]) of grains d = c_l - c_k apart; depth < 0 if they are apart.
+
+        Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`was`) is looked at.
+        """
+        g = self.grains
+        depth = ti.cast(-1.0, self.real)
+        n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
+        r_k, r_l = g.radius[k], g.radius[l]
+        if d.dot(d) < (r_k + r_l) ** 2 or was != 0:
+            if ti.static(self.shaped):
+                depth, n, arm_k = self.chain_overlap(k, l, s, d)
+            else:
+                depth, n, at = sphere_overlap(d, r_k, r_l)
+                arm_k = at * n
+                if depth >= r_k + r_l:
+                    self.fail(1, k, l)
+            arm_l = arm_k - d
+        return depth, n, arm_k, arm_l
+
+    @ti.func
+    def facing(self, k, l, i, j, d):
+        """Arcs i of grain k and j of grain l: centre of i [m], distance of the centres [m], depth [m] of the contact,
+        and the unit direction from one centre to the other in the world frame, in body k, and reversed in body l.
+        """
+        g, t = self.grains, self.shapes
+        a, b = t.first[g.shape[k]] + i, t.first[g.shape[l]] + j
+        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        p_i = rotate(turn_k, t.centre[a]) * g.scale[k]
+        w = d + rotate(turn_l, t.centre[b]) * g.scale[l] - p_i
+        r_i, r_j = t.patch_radius[a] * g.scale[k], t.patch_radius[b] * g.scale[l]
+        depth, n, at = sphere_overlap(w, r_i, r_j)
+        return p_i + at * n, depth, n, unrotate(turn_k, n), -unrotate(turn_l, n)
+
+    @ti.func
+    def arc_towards(self, k, u):
+        """The arc of grain k whose normals hold the direction u (world frame)."""
+        g, t = self.grains, self.shapes
+        a, n_i = t.first[g.shape[k]], t.patches[g.shape[k]]
+        u_k = unrotate(ti.cast(g.orientation[k], self.real), u)
+        arc = 0
+        for i in range(n_i):
+            step, _ = cone_step(u_k, t.seam[a + i], t.seam[a + i + 1])
+            if step == 0:
+                arc = i
+        return arc
+
+    @ti.func
+    def chain_overlap(self, k, l, s, d):
+        """Contact of two arc chains: the one pair of arcs whose normals face each other, found from the last one.
+
+        As long as the direction between the arc centres leaves a cone, the arc that it misses by more gives way to
+        its neighbour: a descent of the depth along the merged cones. Arcs of large radius also face each other on
+        the far sides of the grains; there the depth exceeds its cap, and all pairs are tried.
+        Returns (depth [m], unit normal k -> l, contact point relative to grain k [m]).
+        """
+        g, t, pairs = self.grains, self.shapes, self.pairs
+        feature = pairs.feature[s]
+        i, j = feature[0], feature[1]
+        if i < 0:
+            i, j = self.arc_towards(k, d / d.norm()), self.arc_towards(l, -d / d.norm())
+        n_i, n_j = t.patches[g.shape[k]], t.patches[g.shape[l]]
+        a, b = t.first[g.shape[k]], t.first[g.shape[l]]
+        cap = g.cap_radius[k] + g.cap_radius[l]
+        x, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
+        limit = n_i + n_j
+        tries = 0
+        while tries < limit:
+            step_i, step_j = 0, 0
+            far_i, far_j = 0.0 * depth, 0.0 * depth
+            if n_i > 1:
+                step_i, far_i = cone_step(u_k, t.seam[a + i], t.seam[a + i + 1])
+            if n_j > 1:
+                step_j, far_j = cone_step(u_l, t.seam[b + j], t.seam[b + j + 1])
+            if step_i == 0 and step_j == 0:
+                break
+            if step_j == 0 or (step_i != 0 and far_i >= far_j):
+                i = (i + step_i + n_i) % n_i
+            else:
+                j = (j + step_j + n_j) % n_j
+            tries += 1
+            x, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
+        if tries == limit or depth >= cap:
+            i, j = self.least_violation(k, l, d, cap)
+            x, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
+        if i != feature[0] or j != feature[1]:
+            pairs.feature[s] = ti.Vector([i, j])
+        return depth, n, x
+
+    @ti.func
+    def least_violation(self, k, l, d, cap):
+        """Of all pairs of arcs less deep than the cap the first whose cones both hold the direction between them,
+        else the one that misses by least."""
+        g, t = self.grains, self.shapes
+        n_i, n_j = t.patches[g.shape[k]], t.patches[g.shape[l]]
+        a, b = t.first[g.shape[k]], t.first[g.shape[l]]
+        best_i, best_j = 0, 0
+        least = ti.cast(4.0, self.real)
+        for i in range(n_i):
+            for j in range(n_j):
+                _, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
+                miss = 0.0 * depth
+                if n_i > 1:
+                    miss = cone_violation(u_k, t.seam[a + i], t.seam[a + i + 1])
+                if n_j > 1:
+                    miss = ti.max(miss, cone_violation(u_l, t.seam[b + j], t.seam[b + j + 1]))
+                if depth < cap and miss < least:
+                    least, best_i, best_j = miss, i, j
+        if least > self.seam_tolerance:
+            self.fail(1, k, l)
+        return best_i, best_j
+
+    @ti.func
+    def contact_of(self, k, l, depth, n, arm_k, arm_l, dt):
+        """The kinematics of a contact as the laws see it."""
+        g = self.grains
+        contact = self.contact_type(0)
+        v = ti.cast(g.velocity[l] - g.velocity[k], self.real)
+        if ti.static(self.rotates):
+            omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
+            v += spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
+            if ti.static(self.dim == 3):
+                contact.spin_about_normal = 0.5 * n.dot(omega_k + omega_l)
+        v_n = v.dot(n)
+        contact.touching = depth > 0.0
+        contact.depth = ti.max(depth, 0.0)
+        contact.normal = n
+        contact.approach = -v_n
+        contact.slip = v - v_n * n
+        contact.mass = 1.0 / (g.inverse_mass[k] + g.inverse_mass[l])
+        contact.dt = dt
+        return contact
+
+    @ti.func
+    def history_of(self, law: ti.template(), s):
+        """The law's own values of list slot s."""
+        first, size = ti.static(self.history_slice(law))
+        return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
+
+    @ti.func
+    def row(self, k, dt):
+        """Evaluate the contacts in grain k's row and store their forces; pairs are oriented from the lower id.
+
+        A pair that has just parted is evaluated once more, so that its history is booked and cleared.
+        """
+        g, pairs = self.grains, self.pairs
+        force = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
+        torque = ti.Vector([ti.cast(0.0, self.real)] * g.sizes["spin"])
+        spent = ti.Vector([ti.cast(0.0, ti.f64)] * self.book_count)
+        for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
+            l = pairs.partner[s]
+            d = self.shortest(k, l)
+            was = pairs.status[s]
+            depth, n, arm_k, arm_l = self.overlap(k, l, s, d, was)
+            if depth > 0.0 or was != 0:
+                contact = self.contact_of(k, l, depth, n, arm_k, arm_l, dt)
+                for law in ti.static(self.laws):
+                    if ti.static(law.history_size(self.dim) > 0):
+                        first, size = ti.static(self.history_slice(law))
+                        memory = self.history_of(law, s)
+                        lost = law.on_contact(contact, memory)
+                        for c in ti.static(range(size)):
+                            pairs.history[s][first + c] = memory[c]
+                        if ti.static(self.ledger and law.dissipates):
+                            spent[ti.static(self.book_of(law))] += lost
+                    else:
+                        memory = 0
+                        law.on_contact(contact, memory)
+                f = contact.normal_force * n + contact.tangential_force
+                pairs.pair_force[s] = f
+                force -= f
+                if ti.static(self.rotates):
+                    pairs.pair_torque[s] = torque_of(arm_l, f)
+                    torque -= torque_of(arm_k, f)
+                pairs.status[s] = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+        g.force[k] = force
+        if ti.static(self.rotates):
+            g.torque[k] = torque
+        if ti.static(self.ledger):
+            g.dissipated[k] += spent
+
+    @ti.func
+    def gathered(self, k):
+        """(force [N], torque [N m]) on grain k: its own row, then its column in rising ids, then body forces."""
+        g, pairs = self.grains, self.pairs
+        force = ti.cast(g.force[k], ti.f64)
+        torque = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["spin"])
+        if ti.static(self.rotates):
+            torque = ti.cast(g.torque[k], ti.f64)
+        for c in range(pairs.column_start[k], pairs.column_start[k + 1]):
+            s = pairs.column[c]
+            if pairs.status[s] != 0:
+                force += pairs.pair_force[s]
+                if ti.static(self.rotates):
+                    torque += pairs.pair_torque[s]
+        for law in ti.static(self.body_laws):
+            law.on_grain(g.inverse_mass[k], force)
+        return force, torque

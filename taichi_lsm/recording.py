@@ -1,0 +1,104 @@
+"""The files of one sheared layer: run.nc (time series) and grains.nc (snapshots), closed with the right status."""
+
+from pathlib import Path
+
+import numpy as np
+
+from .layer import STAGES, layer_rows
+from .output import RunWriter, file_attributes
+from .output_grains import GrainsWriter, snapshot_rows, static_rows
+
+
+class LayerRecorder:
+    """Writes what a `ShearedLayer` measures. Use as a context manager: an exception leaves a file that says so.
+
+    out: folder. title, summary: of the files. config_toml: merged parameters. seed: of the packing.
+    """
+
+    def __init__(self, out, layer, title, summary, config_toml, seed):
+        sim = layer.sim
+        self.layer, self.sim = layer, sim
+        runtime = sim.runtime
+        attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
+        flags = {"flag_values": np.arange(len(STAGES), dtype=np.int32), "flag_meanings": " ".join(STAGES)}
+        out = Path(out)
+        self.run = RunWriter(
+            out / "run.nc",
+            layer_rows(),
+            attributes,
+            coordinates={"effect": layer.effects},
+            auxiliary=("shear_strain",),
+            extra_attributes={"stage": flags},
+        )
+        dim = sim.scene.dim
+        oriented = sim.grains.has("orientation")
+        self.grains = GrainsWriter(
+            out / "grains.nc",
+            _constants(sim.scene),
+            static_rows(dim),
+            snapshot_rows(dim, rotates=sim.rotates, oriented=oriented),
+            attributes,
+        )
+
+    def row(self, stage):
+        """Append a row to run.nc and return it."""
+        row = self.layer.row(stage)
+        self.run.append(row)
+        return row
+
+    def snapshot(self):
+        """Append all grains to grains.nc."""
+        state, scene = self.sim.state, self.sim.scene
+        arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
+        if self.sim.rotates:
+            spin = state.spin.to_numpy()
+            arrays["angular_velocity"] = spin[:, 0] if scene.dim == 2 else spin
+        if self.sim.grains.has("orientation"):
+            arrays["orientation"] = _quaternions(state.orientation.to_numpy())
+        self.grains.append(self.sim.time, arrays)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
+        self.run.close(status)
+        self.grains.close(status)
+
+
+def _quaternions(turn):
+    """Unit quaternions (w, x, y, z) of orientations; a 2D turn is one about z."""
+    if turn.shape[1] == 4:
+        return turn
+    half = 0.5 * np.arctan2(turn[:, 1], turn[:, 0])
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
+
+
+def _constants(scene):
+    """What does not change: per grain, then per patch of the shape table."""
+    mass, inertia = scene.masses()
+    axis, angle = zip(*(_cones(s) for s in scene.shapes), strict=True)
+    return {
+        "mass": mass,
+        "inertia": inertia if scene.dim == 2 else np.repeat(inertia[:, None], 3, axis=1),
+        "bounding_radius": scene.per_grain("bounding_radius"),
+        "kind": (scene.platen >= 0).astype(np.int32),
+        "shape_index": scene.shape.astype(np.int32),
+        "shape_scale": scene.scale,
+        "patch_count": np.array([s.patch_count for s in scene.shapes], np.int32),
+        "patch_centre": np.concatenate([s.centre for s in scene.shapes]),
+        "patch_radius": np.concatenate([s.radius for s in scene.shapes]),
+        "patch_axis": np.concatenate(axis),
+        "patch_angle": np.concatenate(angle),
+    }
+
+
+def _cones(shape):
+    """(axis (patches, dim), half-angle (patches,) [rad]) of a shape's patches; a full patch has the angle pi."""
+    if shape.patch_count == 1:
+        return np.eye(shape.dim)[:1], np.array([np.pi])
+    low, high = shape.seam, np.roll(shape.seam, -1, axis=0)
+    middle = low + high
+    axis = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+    return axis, np.arccos(np.clip((axis * low).sum(axis=1), -1.0, 1.0))

@@ -1,0 +1,74 @@
+"""Rotations in 2D (unit complex number, one spin) and 3D (unit quaternion w, x, y, z; spin in the world frame)."""
+
+from .runtime import ti
+
+
+@ti.func
+def spin_velocity(omega, arm):
+    """Velocity omega x arm [m s-1] of the point at `arm` [m] on a body spinning with omega [rad s-1]."""
+    if ti.static(arm.n == 2):
+        return ti.Vector([-omega[0] * arm[1], omega[0] * arm[0]])
+    else:
+        return omega.cross(arm)
+
+
+@ti.func
+def torque_of(arm, force):
+    """Torque arm x force [N m], Eq. (15); one component in 2D."""
+    if ti.static(arm.n == 2):
+        return ti.Vector([arm[0] * force[1] - arm[1] * force[0]])
+    else:
+        return arm.cross(force)
+
+
+@ti.func
+def rotate(turn, a):
+    """Body vector `a` seen in the world frame, Eqs. (19), (20)."""
+    if ti.static(turn.n == 2):
+        return ti.Vector([turn[0] * a[0] - turn[1] * a[1], turn[1] * a[0] + turn[0] * a[1]])
+    else:
+        u = ti.Vector([turn[1], turn[2], turn[3]])
+        t = 2.0 * u.cross(a)
+        return a + turn[0] * t + u.cross(t)
+
+
+@ti.func
+def unrotate(turn, a):
+    """World vector `a` seen in the body frame: the inverse of `rotate`."""
+    if ti.static(turn.n == 2):
+        return ti.Vector([turn[0] * a[0] + turn[1] * a[1], turn[0] * a[1] - turn[1] * a[0]])
+    else:
+        u = ti.Vector([turn[1], turn[2], turn[3]])
+        t = 2.0 * a.cross(u)
+        return a + turn[0] * t + t.cross(u)
+
+
+@ti.func
+def half_tangent(angle):
+    """tan(angle/2)/angle as a series, relative error below 1e-8 for |angle| < 0.5."""
+    h2 = 0.25 * angle * angle
+    return 0.5 * (1.0 + h2 * (1.0 / 3.0 + h2 * (2.0 / 15.0 + h2 * 17.0 / 315.0)))
+
+
+@ti.func
+def turned(turn, omega, dt):
+    """Orientation after spinning with omega [rad s-1] for dt [s]; replaces Eq. (18), which leaves the rotations.
+
+    The Cayley map keeps the norm to rounding; its argument is corrected so that the angle is |omega| dt.
+    """
+    if ti.static(turn.n == 2):
+        t = omega[0] * dt * half_tangent(omega[0] * dt)
+        s = 1.0 / (1.0 + t * t)
+        c, s = (1.0 - t * t) * s, 2.0 * t * s
+        q = ti.Vector([turn[0] * c - turn[1] * s, turn[1] * c + turn[0] * s])
+        return q * (1.5 - 0.5 * q.dot(q))
+    else:
+        angle = omega.norm() * dt
+        u = omega * (dt * half_tangent(angle))
+        s = 1.0 / ti.sqrt(1.0 + u.dot(u))
+        w = turn[0]
+        v = ti.Vector([turn[1], turn[2], turn[3]])
+        w_new = (w - u.dot(v)) * s
+        v_new = (v + w * u + u.cross(v)) * s
+        q = ti.Vector([w_new, v_new[0], v_new[1], v_new[2]])
+        return q * (1.5 - 0.5 * q.dot(q))

@@ -1,0 +1,19 @@
+"""Grain shapes: what a grain's surface is, and the ways to make one. Host code, no kernels."""
+
+from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
+from .library import random_angular_shapes
+from .patch import GrainShape, disc, sphere
+from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
+
+__all__ = [
+    "GrainShape",
+    "PolygonMeasures",
+    "arc_chain",
+    "disc",
+    "from_polygon",
+    "polygon_measures",
+    "random_angular_shapes",
+    "regular_disc_of_arcs",
+    "sphere",
+    "voronoi_tiles",
+]

@@ -1,0 +1,291 @@
+"""A scene as plain data, and the simulation that runs it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .contact.broad import NeighbourList, NeighbourSearch, grown
+from .contact.pairs import Pairs
+from .diagnostics import Measure
+from .domain import Domain, check_box
+from .drives import Platens
+from .effects import Bodies, Effect
+from .errors import InputError, SimulationError
+from .forces import PAIR_BASE, ContactForces
+from .integrators import SERIAL_LIMIT, VelocityVerlet
+from .runtime import start
+from .state import Grains, Shapes, grain_variables, spin_size
+
+COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
+PAIRS_PER_GRAIN = {
+    2: 4,
+    3: 6,
+}  # capacity at the start: what a dense packing needs, so that a loose one may settle
+GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
+SERIAL_LAUNCH = 512  # steps per launch in the serial path: short enough to answer a signal at once
+PARALLEL_LAUNCH = 8  # steps launched before the flags are read in the parallel path
+FAULTS = {
+    1: "their overlap reached the cap at which the contact is no longer unique; use stiffer grains or less stress",
+}
+
+
+@dataclass
+class Scene:
+    """Everything that defines a run, as plain data in SI units; n grains in `dim` dimensions.
+
+    lengths (dim,) [m] and periodic (dim,) of the cell; shapes: GrainShape table; shape (n,): row of the table;
+    position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
+    platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
+    thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
+    skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
+    ledger: book the energy dissipated by each effect; parallel: force (True) or forbid (False) the parallel path.
+    """
+
+    dim: int
+    lengths: tuple
+    periodic: tuple
+    shapes: list
+    shape: np.ndarray
+    position: np.ndarray
+    scale: np.ndarray
+    density: float
+    effects: list
+    angle: np.ndarray | None = None
+    platen: np.ndarray | None = None
+    platens: list = field(default_factory=list)
+    velocity: np.ndarray | None = None
+    spin: np.ndarray | None = None
+    thickness: float | None = None
+    area: float | None = None
+    skin: float | None = None
+    dt: float | None = None
+    safety: float = 0.3
+    ledger: bool = True
+    parallel: bool | None = None
+
+    def __post_init__(self):
+        if self.dim not in (2, 3):
+            raise InputError(f"dim {self.dim!r}: must be 2 or 3")
+        n = len(self.position)
+        self.position = np.asarray(self.position, float)
+        self.scale = np.asarray(self.scale, float)
+        self.shape = np.asarray(self.shape, int)
+        self.platen = np.full(n, -1) if self.platen is None else np.asarray(self.platen, int)
+        self.angle = np.zeros(n) if self.angle is None else np.asarray(self.angle, float)
+        self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
+        self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
+        self.thickness = float(np.mean(self.scale)) if self.thickness is None else self.thickness
+        self._check(n)
+
+    def _check(self, n):
+        expected = {
+            "position": (n, self.dim),
+            "scale": (n,),
+            "shape": (n,),
+            "platen": (n,),
+            "angle": (n,),
+            "velocity": (n, self.dim),
+            "spin": (n, spin_size(self.dim)),
+        }
+        for name, shape in expected.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise InputError(f"Scene.{name}: array of shape {value.shape}, must be {shape}")
+            if not np.isfinite(value).all():
+                raise InputError(f"Scene.{name}: grain {np.argwhere(~np.isfinite(value))[0][0]} is not finite")
+        for name in ("lengths", "periodic"):
+            if len(getattr(self, name)) != self.dim:
+                raise InputError(f"Scene.{name}: {len(getattr(self, name))} values, must be one per axis ({self.dim})")
+        if n == 0:
+            raise InputError("Scene.position: no grains, must be at least one")
+        if not (self.scale > 0).all():
+            raise InputError(f"Scene.scale: least value {self.scale.min():g} m, must be > 0")
+        if not (np.isfinite(self.density) and self.density > 0):
+            raise InputError(f"Scene.density: {self.density!r} kg/m3, must be > 0")
+        if self.shape.min() < 0 or self.shape.max() >= len(self.shapes):
+            raise InputError(f"Scene.shape: rows {self.shape.min()}..{self.shape.max()} of {len(self.shapes)} shapes")
+        if self.platen.max() >= len(self.platens) or self.platen.min() < -1:
+            raise InputError(f"Scene.platen: {self.platen.max()} but there are {len(self.platens)} platens")
+        if not all(isinstance(e, Effect) for e in self.effects):
+            raise InputError(f"Scene.effects: {self.effects!r}, must be instances of Effect")
+        names = [e.name for e in self.effects]
+        if len(set(names)) < len(names):
+            raise InputError(f"Scene.effects: {names}, each law may be listed once")
+        if self.dim == 3 and max(s.patch_count for s in self.shapes) > 1:
+            raise InputError("Scene.shapes: grains of several patches are available in 2D only")
+
+    def masses(self):
+        """(mass [kg], moment of inertia [kg m2]) of every grain; a disc has the scene's thickness."""
+        s = self.scale
+        depth = self.thickness if self.dim == 2 else 1.0
+        measure = np.array([g.measure for g in self.shapes])[self.shape]
+        inertia = np.array([np.atleast_1d(g.inertia)[0] for g in self.shapes])[self.shape]
+        return self.density * depth * measure * s**self.dim, self.density * depth * inertia * s ** (self.dim + 2)
+
+    def per_grain(self, attribute):
+        """Length `attribute` of the shapes, scaled to every grain [m]."""
+        return np.array([getattr(g, attribute) for g in self.shapes])[self.shape] * self.scale
+
+    def bodies(self):
+        """Facts that bound the time step; see effects.Bodies."""
+        mass, inertia = self.masses()
+        mobile = self.platen < 0 if (self.platen < 0).any() else np.ones(len(mass), bool)
+        return Bodies(
+            dim=self.dim,
+            least_mass=float(mass[mobile].min()),
+            spin_factor=float((self.per_grain("bounding_radius") ** 2 * mass / inertia)[mobile].max()),
+            lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
+            coordination=COORDINATION[self.dim],
+            normal_stiffness=sum(e.normal_stiffness() for e in self.effects),
+        )
+
+    def stable_dt(self):
+        """Largest stable step [s]: the laws' frequencies add up as the sum of 1/dt^2."""
+        bodies = self.bodies()
+        rates = sum(e.stable_dt(bodies) ** -2 for e in self.effects)
+        if rates == 0.0:
+            raise InputError("Scene.dt: no effect bounds the step, so it must be given")
+        return rates**-0.5
+
+
+class StateView:
+    """`sim.state.<name>.to_numpy()`: a state row by persistent id. `from_numpy` writes one."""
+
+    def __init__(self, grains):
+        self._grains = grains
+
+    def __getattr__(self, name):
+        if name.startswith("_") or not self._grains.has(name):
+            raise AttributeError(f"no state {name!r} in this scene; it has {', '.join(sorted(self._grains.variables))}")
+        return _Column(self._grains, name)
+
+
+@dataclass(frozen=True)
+class _Column:
+    grains: Grains
+    name: str
+
+    def to_numpy(self):
+        return self.grains.column(self.name)
+
+    def from_numpy(self, values):
+        self.grains.set_column(self.name, values)
+
+
+class Simulation:
+    """Runs a scene. Starts Taichi if nobody has; one process can hold several simulations of one runtime."""
+
+    def __init__(self, scene, arch="cpu", precision="f64", threads=1):
+        self.runtime = start(arch, precision, threads)
+        self.scene = scene
+        self.step = 0
+        self.rebuilds = 0
+        n = len(scene.position)
+        self.parallel = scene.parallel if scene.parallel is not None else n > SERIAL_LIMIT
+        self.skin = scene.skin if scene.skin is not None else 0.1 * float(np.mean(scene.scale))
+        check_box(scene.lengths, scene.periodic, 2.0 * scene.per_grain("bounding_radius").max(), self.skin)
+        stable = scene.stable_dt() if scene.dt is None else None
+        self._dt = scene.dt if scene.dt is not None else scene.safety * stable
+        self.effects = [e.bound() for e in scene.effects]
+        self.domain = Domain(scene.lengths, scene.periodic)
+        shaped = max(s.patch_count for s in scene.shapes) > 1
+        self.shapes = Shapes(scene.dim, scene.shapes) if shaped else None
+        self.rotates = shaped or any(e.phase == "tangential" for e in scene.effects)
+        books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
+        self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase != "body")
+        rows = grain_variables(self.rotates, shaped, shaped, len(books))
+        self.grains = Grains(scene.dim, n, rows, len(books))
+        self.state = StateView(self.grains)
+        self._load_scene(shaped)
+        self.platens = Platens(scene.platens, self.grains, self._area()) if scene.platens else None
+        self.search = NeighbourSearch(self.grains, self.domain, self.skin)
+        wanted = self.search.count()
+        capacity = self.grains.slot_of.shape[0]
+        room = max(int(1.2 * wanted), PAIRS_PER_GRAIN[scene.dim] * n)
+        self._compose(Pairs(scene.dim, capacity, room, self.rotates, shaped, self.history))
+        self.neighbours.write()
+        self.integrator.contacts_only(0.0)
+        self.integrator.half_kick(-1.0)
+        self._raise_fault()
+
+    def _area(self):
+        if self.scene.area is not None:
+            return self.scene.area
+        lengths = self.scene.lengths
+        return lengths[0] * (self.scene.thickness if self.scene.dim == 2 else lengths[2])
+
+    def _load_scene(self, shaped):
+        scene, state = self.scene, self.state
+        mass, inertia = scene.masses()
+        state.position.from_numpy(scene.position)
+        state.velocity.from_numpy(scene.velocity)
+        state.platen.from_numpy(scene.platen)
+        state.radius.from_numpy(scene.per_grain("bounding_radius"))
+        state.inverse_mass.from_numpy(1.0 / mass)
+        if self.rotates:
+            state.spin.from_numpy(scene.spin)
+            state.inverse_inertia.from_numpy(np.repeat(1.0 / inertia[:, None], spin_size(scene.dim), axis=1))
+        if shaped:
+            state.orientation.from_numpy(np.stack([np.cos(scene.angle), np.sin(scene.angle)], axis=1))
+            state.shape.from_numpy(scene.shape)
+            state.scale.from_numpy(scene.scale)
+            state.cap_radius.from_numpy(scene.per_grain("cap_radius"))
+
+    def _compose(self, pairs):
+        """Specialise the kernels for this scene and this storage of pairs."""
+        self.pairs = pairs
+        self.neighbours = NeighbourList(self.search, pairs)
+        self.forces = ContactForces(self.grains, self.shapes, self.domain, pairs, self.effects)
+        self.integrator = VelocityVerlet(self.forces, self.platens, self.skin, self._dt)
+        self.measure = Measure(self.forces, self.integrator)
+
+    @property
+    def dt(self):
+        """Time step [s]."""
+        return self._dt
+
+    @property
+    def time(self):
+        """Simulated time [s]."""
+        return self.step * self._dt
+
+    def __len__(self):
+        return len(self.grains)
+
+    def run(self, steps):
+        """Advance by an integer number of steps. Raises SimulationError naming the step, the grains and the cause."""
+        target = self.step + int(steps)
+        while self.step < target:
+            self._launch(target - self.step)
+            self.step += self.integrator.steps_done[None]
+            self.integrator.steps_done[None] = 0
+            self._raise_fault()
+            if self.integrator.halted[None]:
+                self._rebuild()
+                self.integrator.contacts_only(self._dt)
+                self.step += 1
+                self._raise_fault()
+
+    def _launch(self, steps):
+        if self.parallel:
+            for _ in range(min(steps, PARALLEL_LAUNCH)):
+                self.integrator.step_parallel()
+        else:
+            self.integrator.steps_serial(min(steps, SERIAL_LAUNCH))
+
+    def _rebuild(self):
+        try:
+            wanted = self.search.count()
+        except SimulationError as error:
+            raise SimulationError(f"step {self.step}: {error}") from None
+        if wanted > self.pairs.capacity:
+            capacity = self.grains.slot_of.shape[0]
+            self._compose(grown(self.pairs, self.scene.dim, capacity, self.rotates, int(GROWTH * wanted)))
+        self.neighbours.write()
+        self.rebuilds += 1
+
+    def _raise_fault(self):
+        code = self.forces.fault_code[None]
+        if code:
+            k, l = divmod(int(self.forces.fault_pair[None]), PAIR_BASE)
+            raise SimulationError(f"step {self.step}, grains {k} and {l}: {FAULTS[code]}")

@@ -1,0 +1,195 @@
+"""The state of the grains and the shared table of their shapes, both allocated from schema rows."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from .runtime import current, ti
+from .schema import Variable
+
+
+def spin_size(dim):
+    """Components of an angular velocity: one in 2D, three in 3D."""
+    return 1 if dim == 2 else 3
+
+
+def turn_size(dim):
+    """Components of an orientation: unit complex number in 2D, unit quaternion in 3D."""
+    return 2 if dim == 2 else 4
+
+
+def rounded_capacity(count):
+    """Capacity for `count` rows, rounded up to 1/8 of a power of two.
+
+    Compiled kernels are cached by the shapes of their fields; rounding lets runs of similar size share them.
+    """
+    step = max(8, 1 << max(0, int(count).bit_length() - 4))
+    return -(-max(1, int(count)) // step) * step
+
+
+def allocate(variables, capacity, sizes):
+    """Taichi fields for schema rows, as attributes of the returned namespace.
+
+    The first dimension of each row is the element index (`capacity` rows); the product of the other dimensions,
+    looked up in `sizes`, is the length of the vector stored per element; without others the field is scalar.
+    """
+    dtypes = {"real": current().real, "f64": ti.f64, "i32": ti.i32}
+    fields = SimpleNamespace()
+    for variable in variables:
+        dtype = dtypes[variable.dtype]
+        if len(variable.dims) > 1:
+            width = int(np.prod([sizes[d] for d in variable.dims[1:]]))
+            setattr(fields, variable.name, ti.Vector.field(width, dtype, capacity))
+        else:
+            setattr(fields, variable.name, ti.field(dtype, capacity))
+    return fields
+
+
+def bytes_per_row(variables, sizes):
+    """Bytes that one element of these rows takes, at the precision of this process."""
+    width = {"real": 8 if current().real == ti.f64 else 4, "f64": 8, "i32": 4}
+    return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
+
+
+def grain_variables(rotates, oriented, shaped, ledger):
+    """Rows of the grain state that a scene needs.
+
+    rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;
+    ledger: number of effects that book dissipated energy.
+    """
+    rows = [
+        Variable("id", ("grain",), "i32", "1", "persistent number of the grain in this slot", True),
+        Variable("platen", ("grain",), "i32", "1", "platen the grain is glued to, -1 if mobile", True),
+        Variable("position", ("grain", "space"), "f64", "m", "centre of mass", True),
+        Variable("radius", ("grain",), "real", "m", "bounding radius", True),
+        Variable("velocity", ("grain", "space"), "f64", "m s-1", "velocity half a step before position", True),
+        Variable("inverse_mass", ("grain",), "real", "kg-1", "inverse mass", True),
+        Variable("force", ("grain", "space"), "real", "N", "force of the contacts in the grain's own row", True),
+        Variable("built_position", ("grain", "space"), "f64", "m", "position when the list was built", True),
+    ]
+    if rotates:
+        rows += [
+            Variable("spin", ("grain", "spin"), "f64", "rad s-1", "angular velocity half a step before", True),
+            Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse moment of inertia", True),
+            Variable("torque", ("grain", "spin"), "real", "N m", "torque of the contacts in the own row", True),
+        ]
+    if oriented:
+        rows.append(Variable("orientation", ("grain", "turn"), "f64", "1", "unit complex number or quaternion", True))
+    if shaped:
+        rows += [
+            Variable("shape", ("grain",), "i32", "1", "row of the shape table", True),
+            Variable("scale", ("grain",), "real", "m", "length unit of the shape", True),
+            Variable("cap_radius", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
+        ]
+    if ledger:
+        rows.append(Variable("dissipated", ("grain", "ledger"), "f64", "J", "energy dissipated by effect", True))
+    return rows
+
+
+@ti.data_oriented
+class Grains:
+    """Varying state of all grains, in slots that are re-sorted for locality; `id` never changes.
+
+    The fields of `grain_variables` are attributes. Columns by persistent id are read with `column`.
+    """
+
+    def __init__(self, dim, count, variables, ledger):
+        self.dim = dim
+        self.count = ti.field(ti.i32, ())
+        self.count[None] = count
+        self.sizes = {"space": dim, "spin": spin_size(dim), "turn": turn_size(dim), "ledger": ledger}
+        self.variables = {v.name: v for v in variables}
+        capacity = rounded_capacity(count)
+        for name, field in vars(allocate(variables, capacity, self.sizes)).items():
+            setattr(self, name, field)
+        self.slot_of = ti.field(ti.i32, capacity)
+        self.previous_slot = ti.field(ti.i32, capacity)
+        self.set_order(np.arange(count))
+
+    def __len__(self):
+        return int(self.count[None])
+
+    def has(self, name):
+        """Does this scene carry the state row `name`?"""
+        return name in self.variables
+
+    def _slots(self):
+        return self.slot_of.to_numpy()[: len(self)]
+
+    def column(self, name):
+        """State row `name` as a NumPy array (grain, ...), ordered by persistent id."""
+        return getattr(self, name).to_numpy()[self._slots()]
+
+    def set_column(self, name, values):
+        """Write a state row given in the order of persistent ids."""
+        field = getattr(self, name)
+        raw = field.to_numpy()
+        raw[self._slots()] = values
+        field.from_numpy(raw)
+
+    def set_order(self, id_of_slot):
+        """Declare which grain each slot holds; the state rows themselves are not moved."""
+        count, capacity = len(id_of_slot), self.slot_of.shape[0]
+        padded = np.zeros(capacity, np.int32)
+        padded[:count] = id_of_slot
+        self.id.from_numpy(padded)
+        padded[id_of_slot] = np.arange(count)
+        self.slot_of.from_numpy(padded)
+        self.previous_slot.from_numpy(np.arange(capacity, dtype=np.int32))
+
+    def reorder(self, order):
+        """Move the grain of slot order[s] to slot s, in every row. Results do not depend on the order."""
+        ids = self.id.to_numpy()[: len(self)][order]
+        for name in self.variables:
+            raw = getattr(self, name).to_numpy()
+            raw[: len(self)] = raw[order]
+            getattr(self, name).from_numpy(raw)
+        self.set_order(ids)
+        previous = np.arange(self.slot_of.shape[0], dtype=np.int32)
+        previous[: len(self)] = order
+        self.previous_slot.from_numpy(previous)
+
+
+SHAPE_ROWS = [
+    Variable("first", ("shape",), "i32", "1", "first patch of the shape"),
+    Variable("patches", ("shape",), "i32", "1", "number of patches of the shape"),
+]
+PATCH_ROWS = [
+    Variable("centre", ("patch", "space"), "real", "1", "patch centre in units of the grain's scale, body frame"),
+    Variable("patch_radius", ("patch",), "real", "1", "patch radius in units of the grain's scale"),
+    Variable("seam", ("patch", "space"), "real", "1", "unit normal where the patch begins, body frame"),
+]
+
+
+@ti.data_oriented
+class Shapes:
+    """Shared table of arc chains; every shape is stored once and scaled per grain.
+
+    Each shape owns patches + 1 rows: the last repeats the first, so that an arc and its successor read the very
+    same seam vector and a normal on the seam belongs to exactly one of them.
+    """
+
+    def __init__(self, dim, shapes):
+        counts = np.array([s.patch_count for s in shapes])
+        first = np.concatenate([[0], np.cumsum(counts + 1)])
+        table = allocate(SHAPE_ROWS, rounded_capacity(len(shapes)), {})
+        patch = allocate(PATCH_ROWS, rounded_capacity(first[-1]), {"space": dim})
+        for name, field in {**vars(table), **vars(patch)}.items():
+            setattr(self, name, field)
+        centre, radius, seam = [], [], []
+        for shape in shapes:
+            closed = np.append(np.arange(shape.patch_count), 0)
+            centre.append(shape.centre[closed])
+            radius.append(shape.radius[closed])
+            seam.append(shape.seam[closed] if len(shape.seam) else np.zeros((2, dim)))
+        _fill(self.first, first[:-1])
+        _fill(self.patches, counts)
+        _fill(self.centre, np.concatenate(centre))
+        _fill(self.patch_radius, np.concatenate(radius))
+        _fill(self.seam, np.concatenate(seam))
+
+
+def _fill(field, values):
+    raw = field.to_numpy()
+    raw[: len(values)] = values
+    field.from_numpy(raw)

@@ -1,0 +1,106 @@
+"""A workflow that needs no physics, given to `lsm` as a plugin."""
+
+import sys
+
+import pytest
+
+import workflows
+
+TOY = '''"""A toy that behaves as it is told."""
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from taichi_lsm.errors import InputError, SimulationError
+from workflows import signals
+from workflows.settings import Params as BaseParams
+from workflows.summary import Figure, write_summary
+
+
+class Law(BaseModel, extra="forbid"):
+    name: str
+    stiffness: float = Field(1.0, gt=0)
+
+
+class Params(BaseParams):
+    grains: int = Field(600, ge=2, description="number of grains")
+    dim: int = Field(2, ge=2, le=3, description="space dimensions")
+    normal_stress: float = Field(5e6, gt=0, description="normal stress on the layer [Pa]")
+    shape: Literal["sphere", "angular"] = Field("sphere", description="shape of the grains")
+    shapes: tuple[Literal["sphere", "angular"], ...] = Field(("sphere",), description="shapes to compare")
+    seeds: list[Annotated[int, Field(ge=0)]] = Field([1, 2], description="seeds")
+    time_step: float | None = Field(1e-3, gt=0, description="time step [s]")
+    rough: bool = Field(True, description="rough platens")
+    note: str = Field("", description="free text")
+    laws: list[Law] = Field([], description="force laws")
+    act: str = Field("finish", description="what to do")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {"grains": 10, "normal_stress": 1e3},
+        "demo": {},
+        "standard": {"normal_stress": 1e6},
+        "reference": {"grains": 10000},
+    }
+
+    @model_validator(mode="after")
+    def _cross_check(self):
+        if self.dim == 3 and self.shape == "angular" and self.grains == 13:
+            raise ValueError("13 angular grains do not fit in 3D")
+        return self
+
+
+def run(params, out, progress=None):
+    out = Path(out)
+    if params.act == "reject":
+        raise InputError("grains 600: do not fit")
+    if params.act == "diverge":
+        raise SimulationError("diverged at step 7")
+    if params.act == "crash":
+        raise KeyError("a bug of ours")
+    if params.act == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if params.act == "wait":
+        (out / "ready").write_text("")
+        try:
+            time.sleep(60)
+        except signals.Interrupted:
+            time.sleep(0.2)  # a flush that takes a while
+            (out / "flushed").write_text("")
+            raise
+    print("noise from a library")
+    if progress:
+        progress({"strain": 0.5, "strain_total": 1.0, "friction": 0.31})
+    (out / "process").write_text(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')}")
+    figures = {"seed": Figure(params.seed, "1"), "stress": Figure(params.normal_stress, "Pa", 2e6, True)}
+    write_summary(out, "toy-run", params.preset_name, figures, quiet=progress is None)
+'''
+
+
+@pytest.fixture
+def plugins(tmp_path, monkeypatch):
+    """The folder LSM_PLUGINS/workflows with toy_run.py in it; forgotten after the test."""
+    folder = tmp_path / "plugins" / "workflows"
+    folder.mkdir(parents=True)
+    (folder / "toy_run.py").write_text(TOY)
+    monkeypatch.setenv("LSM_PLUGINS", str(folder.parent))
+    monkeypatch.chdir(tmp_path)
+    path, modules = list(workflows.__path__), set(sys.modules)
+    yield folder
+    workflows.__path__[:] = path
+    for name in set(sys.modules) - modules:
+        if name.startswith("workflows."):
+            del sys.modules[name]
+            vars(workflows).pop(name.removeprefix("workflows."), None)
+
+
+@pytest.fixture
+def toy(plugins):
+    """The module of the toy workflow."""
+    from workflows.discovery import find_workflows
+
+    return find_workflows()["toy-run"]

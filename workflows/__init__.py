@@ -1,0 +1,1 @@
+"""Experiments: every module here that defines Params and run is a command of `lsm`."""

@@ -1,0 +1,138 @@
+"""What a parameter's type annotation means on the command line, and in words."""
+
+import enum
+import types
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import annotated_types
+
+# One and many of it.
+NOUNS = {
+    bool: ("true or false", "true or false"),
+    int: ("an integer", "integers"),
+    float: ("a number", "numbers"),
+    str: ("text", "texts"),
+    Path: ("a path", "paths"),
+}
+SEQUENCES = (list, tuple, set, frozenset)
+
+
+def members(annotation: Any) -> list:
+    """The alternatives of an annotation, without Annotated: float | None -> [float, NoneType]."""
+    if get_origin(annotation) is Annotated:
+        return members(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [m for a in get_args(annotation) for m in members(a)]
+    return [annotation]
+
+
+def accepts(annotation: Any, kind_wanted: type) -> bool:
+    """Whether `kind_wanted` is one of the alternatives of the annotation."""
+    return kind_wanted in members(annotation)
+
+
+def kind(annotation: Any) -> str:
+    """How the field is given: "flag", "text" (one value), "list" (comma-separated), "toml" (only there)."""
+    options = [m for m in members(annotation) if m is not types.NoneType]
+    if options == [bool]:
+        return "flag"
+    if all(_is_scalar(m) for m in options):
+        return "text"
+    if len(options) == 1 and get_origin(options[0]) in SEQUENCES and all(map(_is_scalar, items(options[0]))):
+        return "list"
+    return "toml"
+
+
+def items(sequence: Any) -> list:
+    """The alternatives of the items of list[...] or tuple[..., ...]."""
+    return [m for a in get_args(sequence) if a is not Ellipsis for m in members(a)]
+
+
+def _is_scalar(annotation: Any) -> bool:
+    if get_origin(annotation) is Literal or annotation in NOUNS:
+        return True
+    return isinstance(annotation, type) and issubclass(annotation, enum.Enum)
+
+
+def choices(annotation: Any) -> list[str]:
+    """The names that a field, or an item of it, allows; [] if it is not an enumeration."""
+    found = []
+    for member in members(annotation):
+        if get_origin(member) is Literal:
+            found += [str(c) for c in get_args(member)]
+        elif isinstance(member, type) and issubclass(member, enum.Enum):
+            found += [str(c.value) for c in member]
+        elif get_origin(member) in SEQUENCES:
+            found += [c for item in items(member) for c in choices(item)]
+    return list(dict.fromkeys(found))
+
+
+def split_list(annotation: Any, value: Any) -> Any:
+    """The items of a comma-separated list, if the field is a list and the value a string; else the value."""
+    if kind(annotation) == "list" and isinstance(value, str):
+        return [part.strip() for part in value.split(",") if part.strip()]
+    return value
+
+
+def metavar(annotation: Any) -> str:
+    """What stands for the value in a help text: --grains INTEGER."""
+    if kind(annotation) == "list":
+        return "LIST"
+    first = members(annotation)[0]
+    other = "NAME" if choices(annotation) else "TEXT"
+    return {int: "INTEGER", float: "NUMBER", Path: "PATH"}.get(first, other)
+
+
+def limits(metadata: list) -> str:
+    """Bounds in words: "from 2 to 3", "greater than 0"; "" if there are none."""
+    bound = {}
+    for rule in metadata:
+        for name in ("ge", "gt", "le", "lt", "multiple_of", "min_length", "max_length"):
+            if getattr(rule, name, None) is not None:
+                bound[name] = getattr(rule, name)
+    words = []
+    if "ge" in bound and "le" in bound:
+        words.append(f"from {bound.pop('ge'):g} to {bound.pop('le'):g}")
+    phrases = {
+        "ge": "at least {:g}",
+        "gt": "greater than {:g}",
+        "le": "at most {:g}",
+        "lt": "less than {:g}",
+        "multiple_of": "a multiple of {:g}",
+        "min_length": "of at least {} items",
+        "max_length": "of at most {} items",
+    }
+    words += [phrase.format(bound[name]) for name, phrase in phrases.items() if name in bound]
+    return " and ".join(words)
+
+
+def _noun(annotation: Any, plural: bool = False) -> str:
+    if names := choices(annotation):
+        prefix = "any of " if plural else "one of " if len(names) > 1 else ""
+        return prefix + ", ".join(names)
+    return NOUNS.get(annotation, ("a value", "values"))[plural]
+
+
+def allowed(field) -> str:
+    """What a pydantic field allows, in words: "a number, greater than 0", "one of f64, f32"."""
+    options = [m for m in members(field.annotation) if m is not types.NoneType]
+    words = []
+    for member in options:
+        if get_origin(member) in SEQUENCES:
+            inner = [a for a in get_args(member) if a is not Ellipsis]
+            nouns = " or ".join(dict.fromkeys(_noun(m, plural=True) for m in items(member)))
+            rules = [r for a in inner if get_origin(a) is Annotated for r in _flat(get_args(a)[1:])]
+            words.append(", ".join(filter(None, [f"a list of {nouns}", limits(rules)])))
+        else:
+            words.append(_noun(member))
+    text = " or ".join(dict.fromkeys(words))
+    if bounds := limits(field.metadata):
+        text += f", {bounds}"
+    return text + (", or none" if accepts(field.annotation, types.NoneType) else "")
+
+
+def _flat(rules) -> list:
+    """Bounds inside Annotated: Field(ge=0) holds them in its metadata, those of annotated_types are bare."""
+    found = [r for rule in rules for r in getattr(rule, "metadata", [rule])]
+    return [r for r in found if isinstance(r, annotated_types.BaseMetadata)]

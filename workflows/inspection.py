@@ -1,0 +1,85 @@
+"""What `lsm list` and `lsm info` show."""
+
+import inspect
+import json
+from pathlib import Path
+from types import ModuleType
+
+from workflows.settings import nearest
+from workflows.summary import FILE, print_summary
+
+ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
+
+
+class NoRunError(ValueError):
+    """The folder is missing, or holds no file of a run."""
+
+
+def first_line(thing) -> str:
+    """The first line of a docstring, "" without one."""
+    lines = (inspect.getdoc(thing) or "").strip().splitlines()
+    return lines[0] if lines else ""
+
+
+def print_list(workflows: dict[str, ModuleType]) -> int:
+    """Print every workflow and every force law with its first docstring line."""
+    from taichi_lsm.effects import find_effects  # here, since it imports Taichi
+
+    for title, found in (("Workflows", workflows), ("Effects", find_effects())):
+        width = max(map(len, found), default=0)
+        print(f"{title}:")
+        for name in sorted(found):
+            print(f"  {name:{width}}  {first_line(found[name])}".rstrip())
+    return 0
+
+
+def print_info(folder: Path) -> int:
+    """Print status and attributes of a run, its figures, and its files with their dimensions."""
+    if not folder.is_dir():
+        siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
+        raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")
+    files = sorted(p for p in folder.rglob("*") if p.is_file())
+    if not any(p.suffix == ".nc" or p.name == FILE for p in files):
+        raise NoRunError(f"{folder}: holds no run (no NetCDF file and no {FILE}).")
+    for name, value in _attributes(folder).items():
+        print(f"{name}: {value}")
+    if (folder / FILE).is_file():
+        print()
+        try:
+            print_summary(json.loads((folder / FILE).read_text(encoding="utf-8")))
+        except (ValueError, KeyError, TypeError):
+            print(f"{FILE}: unreadable")
+    print("\nFiles:")
+    width = max(len(str(p.relative_to(folder))) for p in files)
+    for path in files:
+        print(f"  {str(path.relative_to(folder)):{width}}  {_contents(path)}".rstrip())
+    return 0
+
+
+def _attributes(folder: Path) -> dict:
+    """Attributes of run.nc, or of the first NetCDF file beside where run.nc would be."""
+    for path in (folder / "run.nc", *sorted(folder.glob("*.nc"))):
+        try:
+            with _open(path) as file:
+                return {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
+        except OSError:
+            continue
+    return {"run_status": "unknown (no readable run.nc)"}
+
+
+def _contents(path: Path) -> str:
+    """Dimensions and status of a NetCDF file, the size of any other."""
+    if path.suffix != ".nc":
+        return f"{path.stat().st_size} bytes"
+    try:
+        with _open(path) as file:
+            sizes = ", ".join(f"{name} {len(dim)}" for name, dim in file.dimensions.items())
+            return f"{sizes or 'no dimensions'}; {len(file.variables)} variables"
+    except OSError as error:
+        return f"unreadable: {error.strerror or error}"
+
+
+def _open(path: Path):
+    import netCDF4  # not at the top: a command that reads no file does not wait for it
+
+    return netCDF4.Dataset(path)

@@ -1,0 +1,120 @@
+"""The line that says how far a run is: live in a terminal, now and then a plain line elsewhere."""
+
+import dataclasses
+import math
+import time
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+LIVE_EVERY_S = 0.2
+PLAIN_EVERY_S = 10.0
+
+
+class ProgressLine:
+    """Shows progress reports; call it with a dict or dataclass, and `close` it at the end.
+
+    A report has any of: strain [1], strain_total [1], friction [1], normal_stress [Pa], energy_residual [1],
+    steps_per_second_grain [grain steps per second], eta [s], and, for one of several runs, label and state
+    (texts; a report with a state is always shown). Missing and NaN values are left out of the line.
+    """
+
+    def __init__(self, quiet: bool = False, console: Console | None = None, every: float | None = None):
+        self._console = console or Console()
+        self._quiet = quiet
+        self._terminal = self._console.is_terminal
+        self._every = every if every is not None else LIVE_EVERY_S if self._terminal else PLAIN_EVERY_S
+        self._reports: dict[str, dict] = {}
+        self._shown_at: dict[str, float] = {}
+        self._live: Live | None = None
+
+    def __call__(self, report: Any) -> None:
+        """Show a report, or drop it if one of the same label was shown a moment ago."""
+        if self._quiet:
+            return
+        report = as_dict(report)
+        label = report.get("label", "")
+        self._reports[label] = report
+        now = time.monotonic()
+        if "state" not in report and now - self._shown_at.get(label, -math.inf) < self._every:
+            return
+        self._shown_at[label] = now
+        if not self._terminal:
+            print(format_line(report), file=self._console.file, flush=True)
+            return
+        if self._live is None:
+            self._live = Live(console=self._console, auto_refresh=False)
+            self._live.start()
+        self._draw()
+
+    def _draw(self) -> None:
+        # Text, so that rich reads no markup in the labels.
+        self._live.update(Group(*(Text(format_line(r)) for r in self._reports.values())), refresh=True)
+
+    def close(self) -> None:
+        """Leave the last lines standing and give the terminal back."""
+        if self._live is not None:
+            self._draw()
+            self._live.stop()
+            self._live = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *exc_info):
+        self.close()
+
+
+def as_dict(report: Any) -> dict:
+    """A report as a dict, whether it is one or a dataclass."""
+    if dataclasses.is_dataclass(report) and not isinstance(report, type):
+        return {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
+    return dict(report)
+
+
+def format_line(report: dict) -> str:
+    """`strain 1.24/4.00 | mu 0.31 | sigma_n 5.00 MPa | ...` from the values that the report has."""
+    value = {k: v for k, v in report.items() if not _missing(v)}
+    parts = []
+    if "strain" in value:
+        total = f"/{value['strain_total']:.2f}" if "strain_total" in value else ""
+        parts.append(f"strain {value['strain']:.2f}{total}")
+    if "friction" in value:
+        parts.append(f"mu {value['friction']:.2f}")
+    if "normal_stress" in value:
+        parts.append(f"sigma_n {scaled(value['normal_stress'], ('Pa', 'kPa', 'MPa', 'GPa'))}")
+    if "energy_residual" in value:
+        parts.append(f"energy residual {100 * value['energy_residual']:.1f} %")
+    if "steps_per_second_grain" in value:
+        rate = value["steps_per_second_grain"]
+        power = 0 if rate < 1e3 else 1 if rate < 1e6 else 2
+        parts.append(f"{rate / 1000**power:.0f}{('', 'k', 'M')[power]} steps/s-grain")
+    if "eta" in value:
+        parts.append(f"ETA {clock(value['eta'])}")
+    if "state" in value:
+        parts.insert(0, str(value["state"]))
+    line = " | ".join(parts)
+    return f"{value['label']}: {line}" if "label" in value else line
+
+
+def _missing(value: Any) -> bool:
+    return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+def scaled(value: float, units: tuple[str, ...]) -> str:
+    """A value with the unit of a thousand-step series that keeps it readable: 5e6 -> "5.00 MPa"."""
+    power = 0
+    while abs(value) >= 1000 and power < len(units) - 1:
+        value, power = value / 1000, power + 1
+    return f"{value:.2f} {units[power]}"
+
+
+def clock(seconds: float) -> str:
+    """mm:ss, or h:mm:ss from an hour on."""
+    if not math.isfinite(seconds):
+        return "--:--"
+    minutes, second = divmod(round(max(seconds, 0)), 60)
+    hours, minute = divmod(minutes, 60)
+    return f"{hours}:{minute:02d}:{second:02d}" if hours else f"{minute:02d}:{second:02d}"

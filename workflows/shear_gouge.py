@@ -1,0 +1,269 @@
+"""Shear a layer of gouge between rough platens at constant normal stress, and measure its friction.
+
+Stages: generate (a loose packing between two platens of glued grains), consolidate (the servo presses the top
+platen down to the normal stress), shear (the top platen moves at a constant velocity).
+"""
+
+import time
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+import taichi_lsm as lsm
+from workflows.settings import Params as BaseParams
+from workflows.settings import to_toml
+from workflows.summary import Figure, write_summary
+
+SAMPLES_PER_ROW = 10
+SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
+PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
+LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
+
+
+class Params(BaseParams):
+    """One shear experiment on a layer of gouge."""
+
+    dim: int = Field(2, ge=2, le=3, description="dimension of space [1]")
+    shape: Literal["sphere", "angular"] = Field("sphere", description="grain shape: discs or spheres, or angular")
+    smallest_diameter: float = Field(105e-6, gt=0, description="least equivalent diameter [m]")
+    largest_diameter: float = Field(149e-6, gt=0, description="greatest equivalent diameter [m]")
+    density: float = Field(2500.0, gt=0, description="density of the grains [kg m-3]")
+    normal_stress: float = Field(5e6, gt=0, description="normal stress on the layer [Pa]")
+    layer_thickness: float = Field(24.0, ge=8, description="thickness of the layer [mean diameters]")
+    length: float = Field(30.0, ge=6, description="periodic length along the shear [mean diameters]")
+    width: float = Field(8.0, ge=4, description="periodic width, 3D only [mean diameters]")
+    grains: int | None = Field(None, ge=20, description="mobile grains; none: from thickness and length [1]")
+    friction: float = Field(0.5, ge=0, description="Coulomb coefficient between grains [1]")
+    tangential_ratio: float = Field(0.5, gt=0, le=1, description="tangential over normal stiffness [1]")
+    restitution: float = Field(0.5, ge=0.01, le=1, description="restitution of a normal impact [1]")
+    stiffness_number: float = Field(1000.0, ge=100, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]")
+    inertial_number: float = Field(1e-3, gt=0, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    corner_radius: float = Field(0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
+    strain: float = Field(5.0, gt=0, description="shear strain to reach [1]")
+    steady_from: float = Field(1.0, ge=0, description="strain from which the steady state is averaged [1]")
+    rows_per_strain: int = Field(100, ge=10, description="rows of run.nc per unit of shear strain [1]")
+    step_safety: float = Field(0.3, gt=0, le=0.8, description="time step over the largest stable one [1]")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {"length": 20.0, "layer_thickness": 12.0, "inertial_number": 5e-3, "strain": 2.0},
+        "demo": {"strain": 3.0},
+        "standard": {},
+        "reference": {"length": 60.0, "inertial_number": 3e-4, "strain": 10.0, "stiffness_number": 1e4},
+    }
+
+    @model_validator(mode="after")
+    def _consistent(self):
+        problems = []
+        if self.smallest_diameter > self.largest_diameter:
+            low, high = self.smallest_diameter, self.largest_diameter
+            problems.append(f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left")
+        if self.steady_from >= self.strain:
+            problems.append(f"--steady-from {self.steady_from:g} must be below --strain {self.strain:g}")
+        if self.dim == 3 and self.shape == "angular":
+            problems.append("--shape angular: available in 2D only; use --dim 2 or --shape sphere")
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
+
+    @property
+    def diameter(self):
+        """Mean diameter d [m]."""
+        return 0.5 * (self.smallest_diameter + self.largest_diameter)
+
+    @property
+    def inertial_time(self):
+        """d sqrt(rho/P) [s]: how long the stress takes to push a grain by its own size."""
+        return self.diameter * np.sqrt(self.density / self.normal_stress)
+
+    @property
+    def stiffness(self):
+        """Normal stiffness k [N m-1] of the stiffness number; in 2D the out-of-plane depth b is d."""
+        return self.stiffness_number * self.normal_stress * self.diameter
+
+
+def build(params) -> lsm.Scene:
+    """The scene before consolidation: bottom platen, loose grains, top platen."""
+    p, d, dim = params, params.diameter, params.dim
+    rng = np.random.default_rng(p.seed)
+    lengths = (p.length * d,) if dim == 2 else (p.length * d, p.width * d)
+    area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
+    one = lsm.disc() if dim == 2 else lsm.sphere()
+    count = p.grains or round(
+        PACKED[dim] * p.layer_thickness * float(np.prod(lengths)) / (one.measure * d ** (dim - 1))
+    )
+    shapes = [one]
+    if p.shape == "angular":
+        shapes += lsm.random_angular_shapes(min(count, 200), p.seed, p.corner_radius)
+    scale = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
+    shape = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
+    reach = np.array([s.bounding_radius for s in shapes])[shape] * scale
+    loose = lsm.loose_packing(rng, reach, lengths, dim)
+    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+
+    platens = [lsm.rough_platen(rng, p.smallest_diameter, p.largest_diameter, lengths, dim) for _ in range(2)]
+    (low, low_size), (high, high_size) = platens
+    low[:, 1] -= (low[:, 1] + 0.5 * low_size).max()
+    high[:, 1] += (loose[:, 1] + reach).max() - (high[:, 1] - 0.5 * high_size).min()
+    position = np.concatenate([loose, low, high])
+    glued = np.repeat([0, 1], [len(low), len(high)])
+
+    scene_size = np.concatenate([scale, low_size, high_size])
+    layer_mass = p.density * one.measure * (scale**dim).sum() * (d if dim == 2 else 1.0)
+    glued_mass = p.density * one.measure * (high_size**dim).sum() * (d if dim == 2 else 1.0)
+    servo = lsm.ServoStress(
+        stress=p.normal_stress,
+        outward=1,
+        stiffness=p.stiffness * float(np.prod(lengths)) / d ** (dim - 1) / p.layer_thickness,
+        inertia=max(glued_mass, 0.1 * layer_mass),
+        speed_limit=LARGEST_SPEED * d / p.inertial_time,
+    )
+    still = [lsm.Fixed()] * (dim - 2)
+    return lsm.Scene(
+        dim=dim,
+        lengths=(lengths[0], np.inf, *lengths[1:]),
+        periodic=(True, False, True)[:dim],
+        shapes=shapes,
+        shape=np.concatenate([shape, np.zeros(len(glued), int)]),
+        position=position,
+        scale=scene_size,
+        angle=np.concatenate([angle, np.zeros(len(glued))]),
+        density=p.density,
+        platen=np.concatenate([np.full(count, -1), glued]),
+        platens=[
+            lsm.Platen("bottom", [lsm.Fixed()] * dim),
+            lsm.Platen("top", [_driven(p, 0.0), servo, *still]),
+        ],
+        effects=[
+            lsm.LinearElastic(p.stiffness),
+            lsm.ViscousDamping(restitution=p.restitution),
+            lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
+        ],
+        thickness=d,
+        area=area,
+        safety=p.step_safety,
+    )
+
+
+def _driven(p, velocity):
+    """The shear drive, brought up to speed over one inertial time."""
+    return lsm.ConstantVelocity(velocity, acceleration=max(abs(velocity), 1e-3 * p.diameter) / p.inertial_time)
+
+
+def consolidate(sim, layer, recorder, params):
+    """Press the layer until the platen carries the normal stress and the thickness no longer changes."""
+    chunk = max(1, int(2.0 * params.inertial_time / sim.dt))
+    quiet = 0
+    allowed = SETTLE_TIMES + layer.thickness / (LARGEST_SPEED * params.diameter)
+    for _ in range(int(allowed / 2.0)):
+        before = layer.thickness
+        for _ in range(4):
+            sim.run(-(-chunk // 4))
+            layer.sample()
+        row = recorder.row(1)
+        still = abs(layer.thickness / before - 1.0) < 2e-4
+        loaded = abs(row["platen_normal_stress"] / params.normal_stress - 1.0) < 0.02
+        quiet = quiet + 1 if still and loaded else 0
+        if quiet == 3:
+            return
+    raise lsm.SimulationError(
+        f"step {sim.step}: the layer did not settle within {allowed:.0f} inertial times: "
+        f"normal stress {row['platen_normal_stress']:g} Pa of {params.normal_stress:g} Pa"
+    )
+
+
+def shear(sim, layer, recorder, params, report):
+    """Move the top platen at the velocity of the inertial number until the strain is reached."""
+    velocity = params.inertial_number / params.inertial_time * layer.thickness
+    sim.platens.set("top", 0, _driven(params, velocity))
+    layer.begin_shear()
+    steps_per_row = params.inertial_time / (params.inertial_number * params.rows_per_strain * sim.dt)
+    chunk = max(1, round(steps_per_row / SAMPLES_PER_ROW))
+    unit = 1
+    while layer.strain < params.strain:
+        for _ in range(SAMPLES_PER_ROW):
+            sim.run(chunk)
+            layer.sample()
+        report(recorder.row(2))
+        if layer.strain >= unit:
+            recorder.snapshot()
+            unit += 1
+    if unit - 1 < params.strain:  # the last snapshot is older than the end
+        recorder.snapshot()
+
+
+def run(params, out, progress=None):
+    """Run the experiment; writes run.nc, grains.nc and summary.json to `out` and returns run.nc as a Dataset."""
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    began = time.perf_counter()
+    sim = lsm.Simulation(build(params), params.arch, params.precision, params.threads)
+    layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
+    title = f"Shear of a layer of {params.shape} grains in {params.dim}D"
+    summary = "Generated loose, consolidated under servo-controlled normal stress, sheared at constant velocity."
+    shearing = None
+
+    def report(row):
+        nonlocal shearing
+        shearing = shearing or (time.perf_counter(), sim.step, row["shear_strain"])
+        spent = max(time.perf_counter() - shearing[0], 1e-9)
+        gained = max(row["shear_strain"] - shearing[2], 1e-9)
+        if progress:
+            progress(
+                {
+                    "strain": row["shear_strain"],
+                    "strain_total": params.strain,
+                    "friction": row["friction"],
+                    "normal_stress": row["platen_normal_stress"],
+                    "energy_residual": layer.residual_fraction(),
+                    "steps_per_second_grain": (sim.step - shearing[1]) * len(sim) / spent,
+                    "eta": spent / gained * (params.strain - row["shear_strain"]),
+                }
+            )
+
+    with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed) as recorder:
+        recorder.row(0)
+        recorder.snapshot()
+        consolidate(sim, layer, recorder, params)
+        recorder.snapshot()
+        recorder.run.flush()
+        began_shear, step = time.perf_counter(), sim.step
+        shear(sim, layer, recorder, params, report)
+        rate = (sim.step - step) * len(sim) / (time.perf_counter() - began_shear)
+    dataset = lsm.open_run(out / "run.nc")
+    figures = analyse(dataset, params)
+    figures["grain_steps_per_second"] = Figure(rate, "s-1")
+    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
+    return dataset
+
+
+def analyse(dataset, params):
+    """Figures of the steady state, as `docs/conventions.md` defines them."""
+    sheared = dataset.isel(time=dataset.stage.values == 2)
+    steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
+    friction = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
+    platen = lsm.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
+    residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max() / sheared.work_throughput[-1]
+    normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
+    rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
+    apart = abs(platen.mean / friction.mean - 1.0)
+    return {
+        "friction_mean": Figure(friction.mean, "1"),
+        "friction_se": Figure(friction.standard_error, "1"),
+        "friction_ess": Figure(friction.effective_samples, "1"),
+        "platen_friction_mean": Figure(platen.mean, "1"),
+        "platen_bulk_difference": Figure(apart, "1", 0.02, apart < 0.02),
+        "inertial_number": Figure(float(steady.inertial_number.mean()), "1"),
+        "stiffness_number": Figure(params.stiffness_number, "1"),
+        "energy_residual": Figure(float(residual), "1", 0.01, float(residual) < 0.01),
+        "normal_stress_error": Figure(normal, "1", 0.005, abs(normal) < 0.005),
+        "normal_stress_rms": Figure(rms, "1", 0.05, rms < 0.05),
+        "layer_thickness": Figure(float(steady.layer_thickness.mean()), "m"),
+        "porosity": Figure(float(steady.porosity.mean()), "1"),
+        "coordination_number": Figure(float(steady.coordination_number.mean()), "1"),
+        "sliding_fraction": Figure(float(steady.sliding_fraction.mean()), "1"),
+        "deepest_overlap": Figure(float(dataset.deepest_overlap.max()), "1"),
+    }

@@ -1,0 +1,87 @@
+"""The figures of a run, as summary.json for programs and as a table for people."""
+
+import json
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+FILE = "summary.json"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One figure: value in `unit` ("1" for a pure number, None if it could not be computed).
+
+    bound and holds are given together, and only where something is claimed: bound is the limit (a number in
+    `unit`, or words), holds whether the value respects it.
+    """
+
+    value: float | int | None
+    unit: str
+    bound: float | int | str | None = None
+    holds: bool | None = None
+
+    def __post_init__(self):
+        if (self.bound is None) != (self.holds is None):
+            raise ValueError(f"Figure: bound {self.bound!r} and holds {self.holds!r} must be given together")
+
+    def as_dict(self) -> dict:
+        """The JSON form; values that JSON has no number for (NaN, infinity) become null."""
+        entry = {"value": _number(self.value), "unit": self.unit}
+        if self.holds is not None:
+            entry |= {"bound": _number(self.bound), "holds": bool(self.holds)}
+        return entry
+
+
+def _number(value):
+    if hasattr(value, "item"):  # a NumPy or xarray scalar
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_summary(out, workflow: str, preset: str | None, figures: dict[str, Figure], quiet: bool = False) -> dict:
+    """Write `out`/summary.json and print the same as a table; returns what was written.
+
+    preset: `params.preset_name`. quiet: write only (a workflow passes `progress is None`).
+    """
+    entries = {name: figure.as_dict() for name, figure in figures.items()}
+    summary = {"workflow": workflow, "preset": preset, "figures": entries}
+    path = Path(out) / FILE
+    partial = path.with_name(FILE + ".partial")
+    partial.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(partial, path)  # a reader sees the old file or the new one, never half of one
+    if not quiet:
+        print_summary(summary)
+    return summary
+
+
+def print_summary(summary: dict, console: Console | None = None) -> None:
+    """Print the figures: a rich table in a terminal, else one plain aligned line each."""
+    console = console or Console()
+    rows = [(name, *_cells(entry)) for name, entry in summary["figures"].items()]
+    title = summary["workflow"] + (f", preset {summary['preset']}" if summary["preset"] else "")
+    if console.is_terminal:
+        table = Table("figure", "value", "unit", "claimed", "", title=title)
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+        return
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(4)]
+    print(title, file=console.file)
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True))
+        print("  ".join(cells).rstrip(), file=console.file, flush=True)
+
+
+def _cells(entry: dict) -> tuple[str, str, str, str]:
+    claimed = "" if "holds" not in entry else _shown(entry["bound"])
+    verdict = "" if "holds" not in entry else "holds" if entry["holds"] else "FAILS"
+    return _shown(entry["value"]), "" if entry["unit"] == "1" else entry["unit"], claimed, verdict
+
+
+def _shown(value) -> str:
+    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
