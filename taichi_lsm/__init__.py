@@ -31,6 +31,8 @@ _HOME = {
     "rough_platen": "packing",
     "ShearedLayer": "layer",
     "LayerRecorder": "recording",
+    "write_table": "output",
+    "file_attributes": "output",
     "steady_state": "analysis",
     "steady_ratio": "analysis",
     "combine_replicas": "analysis",

@@ -18,6 +18,13 @@ def check_box(lengths, periodic, largest_diameter, skin):
             raise InputError(f"box axis {'xyz'[axis]}: length {length:g} m is periodic and must be >= {least:g} m")
 
 
+@ti.func
+def nearest_integer(a):
+    """Nearest integer of an f64 below 2^51 in magnitude, without the library call that `floor` costs."""
+    big = ti.cast(6755399441055744.0, ti.f64)  # 1.5 * 2^52: there f64 numbers are integers; exact in f32 as well
+    return (a + big) - big
+
+
 @ti.data_oriented
 class Domain:
     """Minimum-image geometry of the cell. Positions are never wrapped: wrapping would change their last bits."""
@@ -37,5 +44,5 @@ class Domain:
         d = x_l - x_k
         for axis in ti.static(range(self.dim)):
             if ti.static(self.periodic[axis]):
-                d[axis] -= self.length[axis] * ti.floor(d[axis] * self.inverse_length[axis] + 0.5)
+                d[axis] -= self.length[axis] * nearest_integer(d[axis] * self.inverse_length[axis])
         return d

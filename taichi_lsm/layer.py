@@ -1,11 +1,14 @@
 """A layer sheared between two platens: its stresses, strain, porosity and closed energy budget, row by row."""
 
+import warnings
+
 import numpy as np
 
 from .errors import SimulationError
 from .schema import Variable
 
 MARGIN = 3.0  # diameters kept from the platens where bulk stress is measured
+DEEP = 0.9  # part of its cap at which an overlap is warned of
 LOST_BALANCE = 0.1  # part of the work that the energy residual may reach before a run is stopped
 STAGES = ("generate", "consolidate", "shear")
 
@@ -119,6 +122,8 @@ class ShearedLayer:
         volume = self.area * (thickness - 2 * margin)
         at_low = velocity[0, 0] + gradient * margin
         sums = sim.measure.sums(bottom + margin, top - margin, volume, at_low, gradient)
+        if sums["deepest"] > DEEP:
+            warnings.warn(f"step {sim.step}: an overlap is {sums['deepest']:.2f} of its cap", stacklevel=2)
         self.strain += gradient * (sim.time - self._last_sample_time)
         self._last_sample_time = sim.time
         kinetic = 0.5 * float((self._platen_mass * velocity**2).sum())

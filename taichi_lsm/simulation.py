@@ -17,6 +17,7 @@ from .runtime import start
 from .state import Grains, Shapes, grain_variables, spin_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
+SKIN = 0.1  # default margin of the neighbour list, in mean diameters
 PAIRS_PER_GRAIN = {
     2: 4,
     3: 6,
@@ -111,6 +112,11 @@ class Scene:
         names = [e.name for e in self.effects]
         if len(set(names)) < len(names):
             raise InputError(f"Scene.effects: {names}, each law may be listed once")
+        if self.skin is None:
+            self.skin = SKIN * float(np.mean(self.scale))
+        if not (np.isfinite(self.skin) and self.skin > 0):
+            raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
+        check_box(self.lengths, self.periodic, 2.0 * self.per_grain("bounding_radius").max(), self.skin)
         if self.dim == 3 and max(s.patch_count for s in self.shapes) > 1:
             raise InputError("Scene.shapes: grains of several patches are available in 2D only")
 
@@ -182,8 +188,7 @@ class Simulation:
         self.rebuilds = 0
         n = len(scene.position)
         self.parallel = scene.parallel if scene.parallel is not None else n > SERIAL_LIMIT
-        self.skin = scene.skin if scene.skin is not None else 0.1 * float(np.mean(scene.scale))
-        check_box(scene.lengths, scene.periodic, 2.0 * scene.per_grain("bounding_radius").max(), self.skin)
+        self.skin = scene.skin
         stable = scene.stable_dt() if scene.dt is None else None
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
         self.effects = [e.bound() for e in scene.effects]

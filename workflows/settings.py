@@ -57,7 +57,7 @@ class Params(pydantic.BaseModel):
     seed: int = Field(1, ge=0, description="seed of every random number")
     precision: Literal["f64", "f32"] = Field("f64", description="floating-point type of contacts and forces")
     arch: Literal["cpu", "gpu"] = Field("cpu", description="device that the kernels run on")
-    threads: int = Field(1, ge=1, description="CPU threads; a run repeats bit for bit only with 1")
+    threads: int = Field(1, ge=1, description="CPU threads; the results do not depend on it")
 
     @cached_property
     def preset_name(self) -> str | None:

@@ -94,6 +94,6 @@ def transported(xi, n, contact):
     along = xi.dot(n)
     flat = xi - along * n
     size2 = xi.dot(xi)
-    if along * along > 1.0e-12 * size2:
+    if along * along > 1.0e-8 * size2:  # below, the length changes by less than 5e-9 and the root is not worth it
         flat *= ti.sqrt(size2 / ti.max(flat.dot(flat), 1.0e-6 * size2))
     return flat + (contact.spin_about_normal * contact.dt) * n.cross(flat)

@@ -1,0 +1,141 @@
+"""The same scene in LAMMPS: writes its data file and its deck, runs `lmp` and reads what it printed.
+
+LAMMPS computes in double precision. Its law `gran/hooke/history` differs from ours in three small points: the
+damped normal force may attract, the arms are the radii instead of reaching to the middle of the overlap, and the
+tangential spring is projected but not turned with the spin about the normal. Tangential damping is switched off.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from benchmarks import scenes
+
+HOW_TO_INSTALL = "LAMMPS (`lmp`) was not found. Debian, Ubuntu: apt-get install lammps; see https://www.lammps.org"
+
+# `read_data` gives every grain the mass of a sphere; in 2D `density/disc` makes it rho pi d^2/4, as ours.
+DECK = """\
+units lj
+atom_style sphere
+dimension {dim}
+boundary p f p
+newton off
+comm_modify mode single vel yes
+read_data {data}
+{disc_mass}
+pair_style gran/hooke/history {k_n} {k_t!r} {rate} 0.0 {friction} 0
+pair_coeff * *
+neighbor {skin} bin
+neigh_modify delay 0 every 1 check yes
+timestep {dt}
+group mob type {mobile}
+group bot type {bottom}
+group top type {top}
+neigh_modify exclude group bot bot exclude group top top
+{in_plane}
+fix motion mob nve/sphere{disc_inertia}
+fix shear top move linear {speed} 0 0
+compute z mob contact/atom
+compute zz mob reduce ave c_z
+compute p all pressure NULL pair
+compute move mob ke
+compute spin mob erotate/sphere
+variable weight equal mass(all)
+thermo_style custom step c_p c_move c_spin v_weight
+thermo_modify norm no format float %.12g
+thermo {skip}
+run {skip}
+thermo {steps}
+run {steps}
+thermo_style custom step c_zz c_p c_move c_spin v_weight
+thermo_modify norm no format float %.12g
+run 0
+"""
+
+
+def data_file(state):
+    """Text of the data file: grains of density 1 with their diameters, at rest."""
+    x = state.x if state.dim == 3 else [(a, b, 0.0) for a, b in state.x]
+    depth = (0.0, state.box[2]) if state.dim == 3 else (-0.5, 0.5)
+    lines = [f"{state.tag}, d = 1, rho = 1", "", f"{len(state.d)} atoms", "3 atom types", ""]
+    edges = [(0.0, state.box[0]), (0.0, state.box[1]), depth]
+    lines += [f"{low:.17g} {high:.17g} {a}lo {a}hi" for a, (low, high) in zip("xyz", edges)]
+    lines += ["", "Atoms # sphere", ""]
+    lines += [
+        f"{i} {kind} {d:.17g} 1 {c[0]:.17g} {c[1]:.17g} {c[2]:.17g}"
+        for i, (kind, d, c) in enumerate(zip(state.kind, state.d, x), start=1)
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def deck(state, data, skip, steps):
+    """Text of the input deck: `skip` steps, then `steps` timed ones, then the figures to compare."""
+    plane = state.dim == 2
+    return DECK.format(
+        dim=state.dim,
+        data=data,
+        disc_mass="set group all density/disc 1.0" if plane else "",
+        disc_inertia=" disc" if plane else "",
+        in_plane="fix plane all enforce2d" if plane else "",
+        k_n=scenes.NORMAL_STIFFNESS,
+        k_t=scenes.TANGENTIAL_RATIO * scenes.NORMAL_STIFFNESS,
+        rate=scenes.DAMPING_RATE,
+        friction=scenes.FRICTION,
+        skin=scenes.SKIN,
+        dt=scenes.TIME_STEP,
+        speed=scenes.WALL_SPEED,
+        mobile=scenes.MOBILE,
+        bottom=scenes.BOTTOM,
+        top=scenes.TOP,
+        skip=skip,
+        steps=steps,
+    )
+
+
+def parse(text, dim):
+    """Seconds of the timed loop and the figures at its end, from the output of `lmp`; ValueError if incomplete."""
+    loops = re.findall(r"^Loop time of (\S+) on", text, re.MULTILINE)
+    tables = re.findall(r"^\s*Step +c_zz.*\n((?: *[-\d].*\n)+)", text, re.MULTILINE)
+    if len(loops) != 3 or not tables:
+        raise ValueError(f"LAMMPS did not finish:\n{text[-2000:]}")
+    _, contacts, pressure, moving, spinning, mass = map(float, tables[-1].splitlines()[-1].split())
+    if dim == 2:
+        spinning *= 0.5 / 0.4  # `erotate/sphere` takes the inertia of a sphere, the integrator that of a disc
+    return {
+        "seconds": float(loops[1]),
+        "contacts_per_grain": contacts,
+        "pressure": pressure,
+        "translational_energy": moving,
+        "rotational_energy": spinning,
+        "mass": mass,
+    }
+
+
+def find():
+    """Path of `lmp`, or None."""
+    return shutil.which("lmp")
+
+
+def install():
+    """Install the Debian package; only when asked for, and only as root."""
+    if os.geteuid() != 0:
+        raise SystemExit(f"--install-lammps needs root. {HOW_TO_INSTALL}")
+    subprocess.run(["apt-get", "install", "--yes", "--no-install-recommends", "lammps"], check=True)
+
+
+def run(state, processes, skip, steps):
+    """Run LAMMPS on `processes` MPI processes from the stored state; see `parse`."""
+    program = [find() or "lmp", "-in", "in.deck", "-log", "none"]
+    if processes > 1:
+        program = ["mpirun", "--oversubscribe", "-np", str(processes), *program]
+    root = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "grains.data").write_text(data_file(state), encoding="ascii")
+        Path(folder, "in.deck").write_text(deck(state, "grains.data", skip, steps), encoding="ascii")
+        done = subprocess.run(
+            program, cwd=folder, capture_output=True, text=True, env=os.environ | root | {"OMP_NUM_THREADS": "1"}
+        )
+    return parse(done.stdout, state.dim)

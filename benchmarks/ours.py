@@ -1,0 +1,82 @@
+"""Our code as a process of its own: Taichi is initialised once per process, so each configuration needs one.
+
+`Worker` starts `python -m benchmarks.ours`, which compiles, then waits for lines on its input: "run N" advances by
+N steps and answers with the seconds; "measure" answers with the figures that LAMMPS gives too.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+HELLO = "ready"
+
+
+class Worker:
+    """A running configuration. Waits without using the processor while others are timed."""
+
+    def __init__(self, tag, precision, threads, ledger):
+        command = [sys.executable, "-m", "benchmarks.ours", tag, precision, str(threads), str(int(ledger))]
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        self.ask(None)
+
+    def ask(self, order):
+        """Send an order and return the answer; RuntimeError if the process died."""
+        if order is not None:
+            self.process.stdin.write(order + "\n")
+            self.process.stdin.flush()
+        answer = self.process.stdout.readline()
+        if not answer:
+            raise RuntimeError(f"{' '.join(self.process.args)}: ended with code {self.process.wait()}")
+        return json.loads(answer)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def figures(sim, state):
+    """What LAMMPS prints as well: contacts per mobile grain, pressure of the pairs, kinetic energies."""
+    sums = sim.measure.sums(low=-1e9, high=1e9)
+    mobile = int((state.kind == 1).sum())
+    volume = float(state.box.prod())
+    moving = 2.0 * sums["translational_energy"]  # the trace of the stress holds it; LAMMPS is asked for pairs only
+    return {
+        "contacts_per_grain": sums["contact_ends"] / mobile,
+        "pressure": (float(sums["stress"].trace()) - moving) / (state.dim * volume),
+        "translational_energy": sums["translational_energy"],
+        "rotational_energy": sums["rotational_energy"],
+        "mass": float(sim.scene.masses()[0].sum()),
+    }
+
+
+def serve(tag, precision, threads, ledger):
+    """Answer orders from standard input until it closes."""
+    import taichi_lsm as lsm
+    from benchmarks import scenes
+
+    state = scenes.load(tag)
+    # one thread needs no parallel loops; with more the simulation chooses by the number of grains
+    scene = scenes.build(state, ledger, parallel=False if threads == 1 else None)
+    sim = lsm.Simulation(scene, precision=precision, threads=threads)
+    print(json.dumps(HELLO), flush=True)
+    for line in sys.stdin:
+        order, *count = line.split()
+        if order == "run":
+            rebuilds, began = sim.rebuilds, time.perf_counter()
+            sim.run(int(count[0]))
+            answer = {"seconds": time.perf_counter() - began, "rebuilds": sim.rebuilds - rebuilds}
+        else:
+            answer = figures(sim, state)
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    serve(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4] == "1")

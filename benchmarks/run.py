@@ -1,0 +1,122 @@
+"""Time per grain and step, ours beside LAMMPS: `python -m benchmarks.run [--quick]`.
+
+Every turn times LAMMPS and each of our configurations one after the other, over the same steps of the same scene,
+so that a busy machine slows all of them. Compare figures of one run only. Medians over the turns are printed.
+Writes benchmarks/results.json.
+"""
+
+import argparse
+import json
+import os
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import median
+
+from benchmarks import lammps, scenes
+from benchmarks.ours import Worker
+
+RESULTS = Path(__file__).parent / "results.json"
+WARM_UP = 200  # steps before the first turn
+GRAIN_STEPS = 4e6  # per timed turn
+MARGINS = {"contacts_per_grain": 0.02, "pressure": 0.05, "translational_energy": 0.10}  # between the two codes
+
+
+def steps_of(state):
+    """Steps per timed turn."""
+    return int(GRAIN_STEPS / len(state.x))
+
+
+def measure_scene(tag, threads, precisions, turns):
+    """Rows of the results, {name: row}, of one scene on `threads` threads."""
+    state = scenes.load(tag)
+    steps, grains = steps_of(state), len(state.x)
+    choices = [(p, ledger) for p in precisions for ledger in (False, True)]
+    seconds = {choice: [] for choice in choices}
+    theirs = []
+    with ExitStack() as stack:
+        workers = {c: stack.enter_context(Worker(tag, c[0], threads, c[1])) for c in choices}
+        for worker in workers.values():
+            worker.ask(f"run {WARM_UP}")
+        for turn in range(turns):
+            other = lammps.run(state, threads, WARM_UP + turn * steps, steps)
+            theirs.append(other["seconds"])
+            for choice, worker in workers.items():
+                seconds[choice].append(worker.ask(f"run {steps}")["seconds"])
+        figures = {c: worker.ask("measure") for c, worker in workers.items()}
+    scale = 1e9 / (steps * grains)
+    return {
+        f"{tag}_{p}_{threads}t": row(
+            [scale * s for s in seconds[p, False]],
+            [scale * s for s in seconds[p, True]],
+            [scale * s for s in theirs],
+            figures[p, False],
+            other,
+        )
+        | {"grains": grains, "steps": steps, "turns": turns}
+        for p in precisions
+    }
+
+
+def row(ours, with_ledger, theirs, figures, other):
+    """One entry of results.json: times in ns per grain and step, ratios ours / LAMMPS, and figures of both codes."""
+    return {
+        "ours_ns": median(ours),
+        "lammps_ns": median(theirs),
+        "ratio": median(ours) / median(theirs),
+        "ours_ledger_ns": median(with_ledger),
+        "ratio_ledger": median(with_ledger) / median(theirs),
+        "ours_min_ns": min(ours),
+        "lammps_min_ns": min(theirs),
+        "ratio_min": min(ours) / min(theirs),
+        "ratio_turns": [a / b for a, b in zip(ours, theirs)],
+        "ours": figures,
+        "lammps": {name: other[name] for name in figures},
+        "agree": all(abs(figures[name] / other[name] - 1.0) < margin for name, margin in MARGINS.items()),
+    }
+
+
+def table(results):
+    """Markdown table of the results."""
+    lines = [
+        "| scene | ours | LAMMPS | ratio | least of each | ledger on | contacts per grain | pressure |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, r in results.items():
+        a, b = r["ours"], r["lammps"]
+        lines.append(
+            f"| {name} | {r['ours_ns']:.0f} | {r['lammps_ns']:.0f} | {r['ratio']:.2f} | {r['ratio_min']:.2f} "
+            f"| {r['ratio_ledger']:.2f} | {a['contacts_per_grain']:.2f} / {b['contacts_per_grain']:.2f} "
+            f"| {a['pressure']:.4g} / {b['pressure']:.4g}{'' if r['agree'] else ' (!)'} |"
+        )
+    return "\n".join(lines)
+
+
+def main():
+    """Run the benchmark as the options say."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="10000 grains, 1 thread, f64, 3 turns")
+    parser.add_argument("--turns", type=int, default=None, help="turns per scene (default 5, quick 3)")
+    parser.add_argument("--scenes", nargs="+", choices=scenes.TAGS, default=None, help="only these scenes")
+    parser.add_argument("--install-lammps", action="store_true", help="apt-get install lammps first, as root")
+    args = parser.parse_args()
+    if lammps.find() is None and args.install_lammps:
+        lammps.install()
+    if lammps.find() is None:
+        raise SystemExit(f"{lammps.HOW_TO_INSTALL}, or run again with --install-lammps as root.")
+    tags = args.scenes or (["S2_10000", "S3_10000"] if args.quick else scenes.TAGS)
+    threads = [1] if args.quick else [n for n in (1, 2) if n <= (os.cpu_count() or 1)]
+    precisions = ["f64"] if args.quick else ["f64", "f32"]
+    turns = args.turns or (3 if args.quick else 5)
+    results = {}
+    for tag in tags:
+        for n in threads:
+            print(f"{tag}, {n} thread{'s'[: n > 1]} ...", flush=True)
+            results |= measure_scene(tag, n, precisions, turns)
+    RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="ascii")
+    print("\nns per grain and step, medians of the turns; ratio = ours / LAMMPS, below 1 we are faster.")
+    print("Figures of both codes (ours / LAMMPS) after the last turn; (!) marks a difference beyond the margins.\n")
+    print(table(results))
+
+
+if __name__ == "__main__":
+    main()

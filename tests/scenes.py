@@ -1,0 +1,137 @@
+"""Small scenes that several tests share, and the means to use one compiled simulation for many of them."""
+
+import functools
+import os
+
+import numpy as np
+
+import taichi_lsm as lsm
+
+PRECISION = os.environ.get("LSM_TEST_PRECISION", "f64")
+EPS = 1.0 if PRECISION == "f64" else 1e9  # factor on tolerances that are set by rounding
+STIFFNESS = 1e5
+
+
+def scene(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, **more):
+    """Scene of grains at `position` (n, dim), in open space unless told otherwise; discs or spheres of diameter 1."""
+    position = np.asarray(position, float)
+    n, dim = position.shape
+    return lsm.Scene(
+        dim=dim,
+        lengths=lengths or (np.inf,) * dim,
+        periodic=periodic or (False,) * dim,
+        shapes=shapes or [lsm.disc() if dim == 2 else lsm.sphere()],
+        shape=np.broadcast_to(shape, n).copy(),
+        position=position,
+        scale=np.broadcast_to(scale, n).astype(float),
+        density=more.pop("density", 1000.0),
+        effects=effects,
+        **more,
+    )
+
+
+def simulate(new_scene, threads=1):
+    """Simulation at the precision of this test process."""
+    return lsm.Simulation(new_scene, precision=PRECISION, threads=threads)
+
+
+def reload(sim, dt=None, **columns):
+    """Start `sim` again from these state columns (velocity and spin at the same time as position), without a past."""
+    for name, values in columns.items():
+        getattr(sim.state, name).from_numpy(values)
+    sim.pairs.status.fill(0)
+    if sim.pairs.history_size:
+        sim.pairs.history.fill(0.0)
+    if sim.pairs.shaped:
+        sim.pairs.feature.fill(-1)
+    if sim.forces.ledger:
+        sim.grains.dissipated.fill(0.0)
+    if sim.platens:
+        for name in ("displacement", "velocity", "force", "force_sum", "force_square_sum", "work", "dissipated"):
+            getattr(sim.platens, name).fill(0.0)
+    if dt is not None:
+        set_dt(sim, dt)
+    sim.step = 0
+    sim.forces.fault_code[None] = 0
+    sim.forces.fault_pair[None] = 0
+    sim._rebuild()
+    sim.integrator.contacts_only(0.0)
+    sim.integrator.half_kick(-1.0)
+    sim._raise_fault()
+
+
+def set_dt(sim, dt):
+    """Change the step of a simulation that is about to be reloaded."""
+    sim._dt = dt
+    sim.integrator.dt[None] = dt
+
+
+def law(sim, name):
+    """The compiled law of this name: its parameters are in fields."""
+    return next(e for e in sim.effects if e.name == name)
+
+
+def energy(sim):
+    """(kinetic and stored energy, dissipated energy) of the grains now [J]."""
+    sums = sim.measure.sums()
+    parts = ("translational_energy", "rotational_energy", "elastic_energy", "potential_energy")
+    return sum(sums[p] for p in parts), sum(v for k, v in sums.items() if k.startswith("dissipated_"))
+
+
+def frictional():
+    """All the laws of a grain in gouge."""
+    return [
+        lsm.LinearElastic(STIFFNESS),
+        lsm.ViscousDamping(restitution=0.6),
+        lsm.CoulombFriction(0.5, 0.5 * STIFFNESS),
+    ]
+
+
+def gallery_scene(name):
+    """elastic_discs, elastic_arcs, frictional_discs, frictional_arcs: 48 grains packed in a periodic square."""
+    kind, body = name.split("_")
+    effects = [lsm.LinearElastic(STIFFNESS)] if kind == "elastic" else frictional()
+    return scene(effects=effects, **packing(body))
+
+
+@functools.cache
+def packing(body, count=48, seed=1, fill=None):
+    """Arguments of `scene` for a dense periodic packing of "discs" or of angular "arcs", found by slow growth."""
+    rng = np.random.default_rng(seed)
+    shapes = [lsm.disc()] if body == "discs" else lsm.random_angular_shapes(8, seed)
+    scale = rng.uniform(0.8, 1.2, count)
+    fill = fill or (0.88 if body == "discs" else 0.90)
+    side = float(np.sqrt(0.25 * np.pi * (scale**2).sum() / fill))
+    rows = int(np.ceil(np.sqrt(count)))
+    lattice = np.stack(np.divmod(rng.permutation(rows * rows)[:count], rows), axis=1)
+    place = (lattice + 0.5 + rng.uniform(-0.05, 0.05, (count, 2))) * (side / rows)
+    arguments = {
+        "position": place,
+        "shapes": shapes,
+        "shape": np.arange(count) % len(shapes),
+        "scale": scale,
+        "angle": rng.uniform(0, 2 * np.pi, count) if body == "arcs" else None,
+        "lengths": (side, side),
+        "periodic": (True, True),
+    }
+    return arguments | grown(arguments)
+
+
+def grown(arguments, stages=60, steps=200):
+    """position (n, 2) [m] and angle (n,) [rad] after the grains have grown from 0.6 of their size, without friction."""
+    scale = arguments["scale"]
+    sim = simulate(scene(effects=frictional(), **arguments | {"scale": 0.6 * scale}))
+    law(sim, "coulomb_friction").mu_[0] = 0.0
+    law(sim, "viscous_damping").c_[0] = 1.5
+    names = [name for name in ("radius", "scale", "cap_radius") if sim.grains.has(name)]
+    small = {name: getattr(sim.state, name).to_numpy() for name in names}
+    sim.search.grid.set_width(2.0 * small["radius"].max() / 0.6 + sim.skin)
+    rest = {"velocity": np.zeros((len(scale), 2)), "spin": np.zeros((len(scale), 1))}
+    for growth in np.append(np.linspace(1.0, 1.0 / 0.6, stages), np.full(40, 1.0 / 0.6)):
+        reload(sim, **{name: growth * value for name, value in small.items()}, **rest)
+        sim.run(steps)
+    state = {"position": sim.state.position.to_numpy()}
+    if sim.grains.has("orientation"):
+        turn = sim.state.orientation.to_numpy()
+        state["angle"] = np.arctan2(turn[:, 1], turn[:, 0])
+    return state

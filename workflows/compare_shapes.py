@@ -1,0 +1,201 @@
+"""Shear gouge of round and of angular grains under the same conditions, and compare their friction.
+
+Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; the difference of the two means and
+its standard error take the replica as the unit.
+"""
+
+import time
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+import taichi_lsm as lsm
+from workflows import plots, shear_gouge, signals
+from workflows.replicas import run_replicas
+from workflows.settings import to_toml
+from workflows.summary import Figure, write_summary
+
+SHAPES = ("sphere", "angular")
+
+# Columns of compare.nc that are figures of a run, by the names that `shear_gouge.analyse` gives them.
+COLUMNS = [
+    lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
+    lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run"),
+    lsm.Variable("friction_ess", ("run",), "f64", "1", "number of independent samples in friction_mean"),
+    lsm.Variable("platen_friction_mean", ("run",), "f64", "1", "mean friction of steady shear, at the top platen"),
+    lsm.Variable(
+        "platen_bulk_difference", ("run",), "f64", "1", "platen friction over bulk friction, less 1, unsigned"
+    ),
+    lsm.Variable("inertial_number", ("run",), "f64", "1", "shear rate times diameter times sqrt(density over stress)"),
+    lsm.Variable("stiffness_number", ("run",), "f64", "1", "contact stiffness over stress and out-of-plane thickness"),
+    lsm.Variable("energy_residual", ("run",), "f64", "1", "greatest energy residual over the work throughput of shear"),
+    lsm.Variable(
+        "normal_stress_error", ("run",), "f64", "1", "mean normal stress on the platen over its target, less 1"
+    ),
+    lsm.Variable("layer_thickness", ("run",), "f64", "m", "mean distance of the platens' reference planes"),
+    lsm.Variable("porosity", ("run",), "f64", "1", "mean part of the layer not filled by mobile grains"),
+    lsm.Variable("coordination_number", ("run",), "f64", "1", "mean number of contacts of a mobile grain"),
+    lsm.Variable("sliding_fraction", ("run",), "f64", "1", "mean part of the contacts that slide"),
+]
+SEED = lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing")
+TEXTS = {
+    "shape": "shape of the mobile grains; sphere means disc in 2D",
+    "status": "how the run ended: complete, failed or interrupted",
+    "path": "folder of the run, relative to this file",
+}
+# What the largest value over all runs is reported of.
+WORST = {
+    "energy_residual_max": "energy_residual",
+    "platen_bulk_difference_max": "platen_bulk_difference",
+    "normal_stress_error_max": "normal_stress_error",
+}
+
+
+class Params(shear_gouge.Params):
+    """The conditions that both shapes share."""
+
+    # No option here, since both shapes are run; the checks made of angular grains are the stricter ones.
+    shape: ClassVar[str] = "angular"
+
+    replicas: int = Field(3, ge=1, description="runs per shape, with the seeds seed, seed + 1, ... [1]")
+    at_a_time: int = Field(2, ge=1, description="runs at a time, each in a process of its own [1]")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {
+            "layer_thickness": 12.0,
+            "length": 20.0,
+            "inertial_number": 5e-3,
+            "strain": 1.5,
+            "steady_from": 0.5,
+            "replicas": 2,
+        },
+        "demo": {"layer_thickness": 24.0, "length": 30.0, "inertial_number": 2e-3, "strain": 3.0},
+        "standard": {"replicas": 5},
+        "reference": {
+            "length": 60.0,
+            "inertial_number": 3e-4,
+            "stiffness_number": 1e4,
+            "strain": 10.0,
+            "replicas": 5,
+        },
+    }
+
+
+def build(params) -> "dict[str, shear_gouge.Params]":
+    """Label -> parameters of every run, spheres first; the label is also the name of the run's folder."""
+    shared = params.model_dump(include=set(shear_gouge.Params.model_fields))
+    seeds = range(params.seed, params.seed + params.replicas)
+    return {
+        f"{shape}-{seed}": shear_gouge.Params(**shared | {"shape": shape, "seed": seed})
+        for shape in SHAPES
+        for seed in seeds
+    }
+
+
+def run(params, out, progress=None):
+    """Shear both shapes; writes compare.nc, friction.png, summary.json and runs/ to `out`.
+
+    Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files hold what is
+    there, with the run_status "failed", before SimulationError is raised.
+    """
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    began = time.perf_counter()
+    runs = build(params)
+    # Angular grains take longer: started first, they do not leave a processor idle at the end.
+    jobs = [(label, shear_gouge.__name__, runs[label], out / "runs" / label) for label in reversed(runs)]
+    failure, status = None, "complete"
+    try:
+        run_replicas(jobs, params.at_a_time, progress)
+    except lsm.SimulationError as error:
+        failure, status = error, "failed"
+    except signals.Interrupted as stop:
+        failure, status = stop, "interrupted"
+    table = collect(runs, params, out, status)
+    if status != "interrupted":
+        plots.plot_comparison(out)
+    figures = analyse(table)
+    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    if progress:
+        print(table_text(table))
+    write_summary(out, "compare-shapes", params.preset_name, figures, quiet=progress is None)
+    if failure:
+        raise failure
+    return table
+
+
+def collect(runs, params, out, run_status):
+    """Write compare.nc from the files of the runs, and return it; what a run did not reach is NaN."""
+    rows, steps = [], []
+    for label, of_run in runs.items():
+        path = out / "runs" / label / "run.nc"
+        dataset = lsm.open_run(path) if path.exists() else None
+        status = dataset.run_status if dataset is not None else "failed"
+        # A run that was killed had no time to write how it ended.
+        row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
+        row["status"] = "failed" if status == "running" else status
+        figures = shear_gouge.analyse(dataset, of_run) if status == "complete" else {}
+        row |= {v.name: float(figures[v.name].value) if figures else np.nan for v in COLUMNS}
+        rows.append(row)
+        steps += [dataset.dt] if dataset is not None else []
+    title = "Friction of gouge of round and of angular grains"
+    text = (
+        f"One row per run of shear-gouge, {params.replicas} seeds for each shape, otherwise under the same conditions."
+    )
+    attributes = lsm.file_attributes(
+        title, text, to_toml(params), params.seed, min(steps, default=np.nan), params.arch, params.precision
+    )
+    lsm.write_table(
+        out / "compare.nc",
+        {name: [row[name] for row in rows] for name in rows[0]},
+        [SEED, *COLUMNS],
+        attributes,
+        parameters=("shape", "seed"),
+        text=TEXTS,
+        run_status=run_status,
+    )
+    return lsm.open_run(out / "compare.nc")
+
+
+def estimates(table):
+    """Shape -> friction over the complete runs of this shape, the replica as the unit; shapes without any left out."""
+    found = {}
+    for shape in SHAPES:
+        own = table.isel(run=(table["shape"].values == shape) & (table.status.values == "complete"))
+        if own.sizes["run"]:
+            found[shape] = lsm.combine_replicas(own.friction_mean.values, own.friction_se.values)
+    return found
+
+
+def analyse(table):
+    """Figures of the comparison; None where no run gives a value."""
+    found, figures = estimates(table), {}
+    for shape in SHAPES:
+        mean = found[shape].mean if shape in found else None
+        error = found[shape].standard_error if shape in found else None
+        figures |= {f"friction_{shape}_mean": Figure(mean, "1"), f"friction_{shape}_se": Figure(error, "1")}
+    apart = lsm.difference(found["angular"], found["sphere"]) if len(found) == 2 else None
+    figures["friction_difference"] = Figure(apart and apart.mean, "1")
+    figures["friction_difference_se"] = Figure(apart and apart.standard_error, "1")
+    for name, column in WORST.items():
+        worst = float(np.abs(table[column]).max())
+        bound = shear_gouge.BOUNDS[column]
+        figures[name] = Figure(worst, "1", bound, worst < bound)
+    return figures
+
+
+def table_text(table):
+    """One line per run, for people."""
+    titles = ("shape", "seed", "status", "friction", "error", "samples", "at platen", "I", "energy residual")
+    lines = [titles]
+    for row in (table.isel(run=i) for i in range(table.sizes["run"])):
+        text = (row["shape"].item(), str(row.seed.item()), row.status.item())
+        names = ("friction_mean", "friction_se", "friction_ess", "platen_friction_mean", "inertial_number")
+        numbers = [row[name].item() for name in (*names, "energy_residual")]
+        formats = (".3f", ".3f", ".0f", ".3f", ".2g", ".2g")
+        lines.append((*text, *(format(n, f) for n, f in zip(numbers, formats, strict=True))))
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)

@@ -1,0 +1,95 @@
+"""Pictures of a sheared layer: the true outlines of the grains in grains.nc, coloured by velocity."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import taichi_lsm as lsm
+
+ARC_STEP = 0.3  # rad, longest chord of an outline
+MAP = "cividis"  # stays in order for colour-blind eyes and in grey
+BAR = "velocity along the shear / velocity of the top platen [1]"
+
+
+class Snapshot(NamedTuple):
+    """Grains at one instant, ready to be drawn."""
+
+    outlines: list  # per grain the outline (points, 2) about its centre [mm]
+    position: np.ndarray  # (grain, 2) [mm], x within the period
+    velocity: np.ndarray  # (grain,) along the shear over that of the top platen [1]
+    glued: np.ndarray  # (grain,) bool
+    period: float  # along x [mm]
+
+
+def read_snapshot(path, lengths, index=-1):
+    """Snapshot `index` of the file grains.nc at `path`; in 3D the section through the middle of the width.
+
+    lengths [m]: of the periodic axes, (Lx,) in 2D and (Lx, Lz) in 3D; the positions on file are unwrapped.
+    """
+    grains = lsm.open_run(Path(path))
+    now = grains.isel(time=index)
+    period = [1e3 * length for length in lengths]
+    position, velocity, glued = 1e3 * now.position.values, now.velocity.values[:, 0], now.kind.values == 1
+    height = position[:, 1]
+    platen_velocity = velocity[glued & (height > height.mean())].mean()
+    velocity = velocity / (platen_velocity or 1.0)
+    if len(period) == 1:
+        outlines = _turned_outlines(grains, now)
+    else:
+        off = np.mod(position[:, 2], period[1]) - 0.5 * period[1]
+        radius = 1e3 * now.bounding_radius.values
+        cut = np.abs(off) < radius
+        outlines = [r * _arc(0.0, np.pi) for r in np.sqrt(radius[cut] ** 2 - off[cut] ** 2)]
+        position, velocity, glued = position[cut, :2], velocity[cut], glued[cut]
+    position[:, 0] %= period[0]
+    return Snapshot(outlines, position, velocity, glued, period[0])
+
+
+def _turned_outlines(grains, now):
+    """Outline of every grain [mm] about its centre, in the world frame."""
+    shapes, scale = shape_outlines(grains), 1e3 * now.shape_scale.values
+    outlines = [size * shapes[s] for size, s in zip(scale, now.shape_index.values, strict=True)]
+    if "orientation" not in now:  # discs look the same however they turn
+        return outlines
+    w, z = now.orientation.values[:, 0], now.orientation.values[:, 3]
+    cos, sin = w * w - z * z, 2.0 * w * z
+    return [o @ np.array([[c, s], [-s, c]]) for o, c, s in zip(outlines, cos, sin, strict=True)]
+
+
+def shape_outlines(grains):
+    """Outline (points, 2) of every shape of a 2D grains.nc, in units of shape_scale: the arcs of its patches."""
+    patches = (grains[f"patch_{name}"].values for name in ("centre", "radius", "axis", "angle"))
+    arcs = [c + r * _arc(np.arctan2(a[1], a[0]), half) for c, r, a, half in zip(*patches, strict=True)]
+    ends = np.cumsum(grains.patch_count.values)
+    return [np.concatenate(arcs[i:j]) for i, j in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def _arc(middle, half):
+    angle = middle + np.linspace(-half, half, 2 + int(2.0 * half / ARC_STEP))
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def draw_packing(axes, snapshot):
+    """Draw the outlines coloured by velocity, glued grains grey; returns what a colour bar needs."""
+    from matplotlib.collections import PolyCollection
+
+    period, y = snapshot.period, snapshot.position[:, 1]
+    reach = max(np.abs(o).max() for o in snapshot.outlines)
+    polygons, values = {True: [], False: []}, []
+    for outline, at, velocity, glued in zip(*snapshot[:4], strict=True):
+        # A grain across a border is drawn on both sides; the axes cut off what lies outside.
+        shifts = [s for s in (-period, 0.0, period) if -reach < at[0] + s < period + reach]
+        polygons[bool(glued)] += [outline + at + (shift, 0.0) for shift in shifts]
+        values += [] if glued else [velocity] * len(shifts)
+    axes.add_collection(PolyCollection(polygons[True], facecolor="0.72", edgecolor="0.35", lw=0.5))
+    drawn = PolyCollection(polygons[False], cmap=MAP, edgecolor="black", lw=0.35)
+    drawn.set_array(np.array(values))
+    drawn.set_clim(0.0, 1.0)
+    axes.add_collection(drawn)
+    axes.set(xlim=(0, period), ylim=(y.min() - reach, y.max() + reach), aspect="equal")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.4}
+    ends = {"xy": (1.0, 1.045), "xytext": (0.85, 1.045), "textcoords": "axes fraction", "xycoords": "axes fraction"}
+    axes.annotate("shear ", ha="right", va="center", arrowprops=arrow, **ends)
+    return drawn
