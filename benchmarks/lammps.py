@@ -1,8 +1,9 @@
 """The same scene in LAMMPS: writes its data file and its deck, runs `lmp` and reads what it printed.
 
-LAMMPS computes in double precision. Its law `gran/hooke/history` differs from ours in three small points: the
-damped normal force may attract, the arms are the radii instead of reaching to the middle of the overlap, and the
-tangential spring is projected but not turned with the spin about the normal. Tangential damping is switched off.
+LAMMPS computes in double precision. Its law `gran/hooke/history` differs from ours in three small points:
+the damped normal force may attract, the arms are the radii instead of reaching to the middle of the overlap,
+and the tangential spring is projected but not turned with the spin about the normal. Tangential damping is
+switched off.
 """
 
 import os
@@ -14,7 +15,9 @@ from pathlib import Path
 
 from benchmarks import scenes
 
-HOW_TO_INSTALL = "LAMMPS (`lmp`) was not found. Debian, Ubuntu: apt-get install lammps; see https://www.lammps.org"
+HOW_TO_INSTALL = (
+    "LAMMPS (`lmp`) was not found. Debian, Ubuntu: apt-get install lammps; see https://www.lammps.org"
+)
 
 # `read_data` gives every grain the mass of a sphere; in 2D `density/disc` makes it rho pi d^2/4, as ours.
 DECK = """\
@@ -96,16 +99,21 @@ def deck(state, data, skip, steps):
 
 
 def parse(text, dim):
-    """Seconds of the timed loop and the figures at its end, from the output of `lmp`; ValueError if incomplete."""
+    """Seconds of the timed loop (wall clock, processor) and the figures at its end, from the output of `lmp`.
+
+    Raises ValueError if the output is incomplete.
+    """
     loops = re.findall(r"^Loop time of (\S+) on", text, re.MULTILINE)
+    shares = re.findall(r"^(\S+)% CPU use with", text, re.MULTILINE)
     tables = re.findall(r"^\s*Step +c_zz.*\n((?: *[-\d].*\n)+)", text, re.MULTILINE)
-    if len(loops) != 3 or not tables:
+    if len(loops) != 3 or len(shares) != 3 or not tables:
         raise ValueError(f"LAMMPS did not finish:\n{text[-2000:]}")
     _, contacts, pressure, moving, spinning, mass = map(float, tables[-1].splitlines()[-1].split())
     if dim == 2:
         spinning *= 0.5 / 0.4  # `erotate/sphere` takes the inertia of a sphere, the integrator that of a disc
     return {
         "seconds": float(loops[1]),
+        "cpu_seconds": float(loops[1]) * float(shares[1]) / 100,  # of one process
         "contacts_per_grain": contacts,
         "pressure": pressure,
         "translational_energy": moving,
@@ -135,7 +143,6 @@ def run(state, processes, skip, steps):
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "grains.data").write_text(data_file(state), encoding="ascii")
         Path(folder, "in.deck").write_text(deck(state, "grains.data", skip, steps), encoding="ascii")
-        done = subprocess.run(
-            program, cwd=folder, capture_output=True, text=True, env=os.environ | root | {"OMP_NUM_THREADS": "1"}
-        )
+        environment = os.environ | root | {"OMP_NUM_THREADS": "1"}
+        done = subprocess.run(program, cwd=folder, capture_output=True, text=True, env=environment)
     return parse(done.stdout, state.dim)

@@ -1,7 +1,8 @@
 """Time per grain and step, ours beside LAMMPS: `python -m benchmarks.run [--quick]`.
 
-Every turn times LAMMPS and each of our configurations one after the other, over the same steps of the same scene,
-so that a busy machine slows all of them. Compare figures of one run only. Medians over the turns are printed.
+Every turn times LAMMPS and each of our configurations one after the other, over the same steps of the same
+scene, so that a busy machine slows all of them. Compare figures of one run only. Medians over the turns are
+printed.
 Writes benchmarks/results.json.
 """
 
@@ -18,7 +19,7 @@ from benchmarks.ours import Worker
 RESULTS = Path(__file__).parent / "results.json"
 WARM_UP = 200  # steps before the first turn
 GRAIN_STEPS = 4e6  # per timed turn
-MARGINS = {"contacts_per_grain": 0.02, "pressure": 0.05, "translational_energy": 0.10}  # between the two codes
+MARGINS = {"contacts_per_grain": 0.02, "pressure": 0.05, "translational_energy": 0.10}  # of the two codes
 
 
 def steps_of(state):
@@ -31,44 +32,53 @@ def measure_scene(tag, threads, precisions, turns):
     state = scenes.load(tag)
     steps, grains = steps_of(state), len(state.x)
     choices = [(p, ledger) for p in precisions for ledger in (False, True)]
-    seconds = {choice: [] for choice in choices}
+    ours = {choice: [] for choice in choices}
     theirs = []
     with ExitStack() as stack:
         workers = {c: stack.enter_context(Worker(tag, c[0], threads, c[1])) for c in choices}
         for worker in workers.values():
             worker.ask(f"run {WARM_UP}")
         for turn in range(turns):
-            other = lammps.run(state, threads, WARM_UP + turn * steps, steps)
-            theirs.append(other["seconds"])
+            theirs.append(lammps.run(state, threads, WARM_UP + turn * steps, steps))
             for choice, worker in workers.items():
-                seconds[choice].append(worker.ask(f"run {steps}")["seconds"])
+                ours[choice].append(worker.ask(f"run {steps}"))
         figures = {c: worker.ask("measure") for c, worker in workers.items()}
-    scale = 1e9 / (steps * grains)
+    size = {"grains": grains, "steps": steps, "turns": turns}
+    clocks = ("seconds", "cpu_seconds") if threads == 1 else ("seconds",)
+    rows = {}
+    for p in precisions:
+        entry = agreement(figures[p, False], theirs[-1]) | size
+        for clock in clocks:
+            mine, ledger, other = (
+                [turn[clock] * 1e9 / (steps * grains) for turn in turns_of]
+                for turns_of in (ours[p, False], ours[p, True], theirs)
+            )
+            entry |= times(mine, ledger, other, "" if clock == "seconds" else "cpu_")
+        rows[f"{tag}_{p}_{threads}t"] = entry
+    return rows
+
+
+def times(ours, with_ledger, theirs, clock=""):
+    """Medians, minima and ratios ours / LAMMPS of times [ns per grain and step], one per turn.
+
+    clock: "" for the wall clock, "cpu_" for processor time, which hardly feels what else the machine does.
+    """
     return {
-        f"{tag}_{p}_{threads}t": row(
-            [scale * s for s in seconds[p, False]],
-            [scale * s for s in seconds[p, True]],
-            [scale * s for s in theirs],
-            figures[p, False],
-            other,
-        )
-        | {"grains": grains, "steps": steps, "turns": turns}
-        for p in precisions
+        f"ours_{clock}ns": median(ours),
+        f"lammps_{clock}ns": median(theirs),
+        f"{clock}ratio": median(ours) / median(theirs),
+        f"ours_ledger_{clock}ns": median(with_ledger),
+        f"{clock}ratio_ledger": median(with_ledger) / median(theirs),
+        f"ours_{clock}ns_min": min(ours),
+        f"lammps_{clock}ns_min": min(theirs),
+        f"{clock}ratio_min": min(ours) / min(theirs),
+        f"{clock}ratio_turns": [a / b for a, b in zip(ours, theirs)],
     }
 
 
-def row(ours, with_ledger, theirs, figures, other):
-    """One entry of results.json: times in ns per grain and step, ratios ours / LAMMPS, and figures of both codes."""
+def agreement(figures, other):
+    """The same figures of both codes after the last turn, and whether they agree within the margins."""
     return {
-        "ours_ns": median(ours),
-        "lammps_ns": median(theirs),
-        "ratio": median(ours) / median(theirs),
-        "ours_ledger_ns": median(with_ledger),
-        "ratio_ledger": median(with_ledger) / median(theirs),
-        "ours_min_ns": min(ours),
-        "lammps_min_ns": min(theirs),
-        "ratio_min": min(ours) / min(theirs),
-        "ratio_turns": [a / b for a, b in zip(ours, theirs)],
         "ours": figures,
         "lammps": {name: other[name] for name in figures},
         "agree": all(abs(figures[name] / other[name] - 1.0) < margin for name, margin in MARGINS.items()),
@@ -78,14 +88,16 @@ def row(ours, with_ledger, theirs, figures, other):
 def table(results):
     """Markdown table of the results."""
     lines = [
-        "| scene | ours | LAMMPS | ratio | least of each | ledger on | contacts per grain | pressure |",
-        "|---|---|---|---|---|---|---|---|",
+        "| scene | ours | LAMMPS | ratio | of minima | ledger on | processor | contacts | pressure |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for name, r in results.items():
         a, b = r["ours"], r["lammps"]
+        processor = f"{r['cpu_ratio']:.2f}" if "cpu_ratio" in r else "-"
+        contacts = f"{a['contacts_per_grain']:.2f} / {b['contacts_per_grain']:.2f}"
         lines.append(
             f"| {name} | {r['ours_ns']:.0f} | {r['lammps_ns']:.0f} | {r['ratio']:.2f} | {r['ratio_min']:.2f} "
-            f"| {r['ratio_ledger']:.2f} | {a['contacts_per_grain']:.2f} / {b['contacts_per_grain']:.2f} "
+            f"| {r['ratio_ledger']:.2f} | {processor} | {contacts} "
             f"| {a['pressure']:.4g} / {b['pressure']:.4g}{'' if r['agree'] else ' (!)'} |"
         )
     return "\n".join(lines)
@@ -114,7 +126,8 @@ def main():
             results |= measure_scene(tag, n, precisions, turns)
     RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="ascii")
     print("\nns per grain and step, medians of the turns; ratio = ours / LAMMPS, below 1 we are faster.")
-    print("Figures of both codes (ours / LAMMPS) after the last turn; (!) marks a difference beyond the margins.\n")
+    print("Ledger on: we book dissipated energy, LAMMPS does not. Processor: the ratio of processor times.")
+    print("Contacts per grain and pressure after the last turn, ours / LAMMPS; (!) if they do not agree.\n")
     print(table(results))
 
 

@@ -1,8 +1,8 @@
 """The declared scenes: dense packings sheared between two platens of glued grains at constant volume.
 
-The states in `states/` are dense sheared packings (made with LAMMPS, from rest at step 21000 of a slow shear) in
-units of the mean diameter d = 1 and the density rho = 1. Diameters are uniform in [0.8, 1.2]. Velocities are zero
-and no contact remembers a tangential spring. Both codes start from these arrays and nothing else.
+The states in `states/` are dense sheared packings, made with LAMMPS, in units of the mean diameter d = 1 and
+the density rho = 1. Diameters are uniform in [0.8, 1.2]. Velocities are zero and no contact remembers
+a tangential spring. Both codes start from these arrays and nothing else.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ SKIN = 0.1
 
 @dataclass(frozen=True)
 class State:
-    """A packing: centres x (n, dim), diameters d (n,), kind (n,) MOBILE | BOTTOM | TOP, box (dim,); units d, rho."""
+    """A packing: centres x (n, dim), diameters d (n,), kind (n,) MOBILE | BOTTOM | TOP, box (dim,)."""
 
     tag: str
     x: np.ndarray

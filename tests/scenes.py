@@ -8,8 +8,12 @@ import numpy as np
 import taichi_lsm as lsm
 
 PRECISION = os.environ.get("LSM_TEST_PRECISION", "f64")
-EPS = 1.0 if PRECISION == "f64" else 1e9  # factor on tolerances that are set by rounding
 STIFFNESS = 1e5
+
+
+def tolerance(f64, f32=1e-4):
+    """The bound that the rounding of this process's precision allows."""
+    return f64 if PRECISION == "f64" else f32
 
 
 def scene(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, **more):

@@ -82,16 +82,20 @@ def test_deck_describes_the_same_scene(state):
 
 
 OUTPUT = """Loop time of 0.5 on 1 procs for 200 steps with 3 atoms
+90.0% CPU use with 1 MPI tasks x 1 OpenMP threads
 Loop time of 1.25 on 1 procs for 400 steps with 3 atoms
+80.0% CPU use with 1 MPI tasks x 1 OpenMP threads
 Step c_zz c_p c_move c_spin v_weight
      600   4.5   65.25   1.5   0.4   2.25
 Loop time of 1e-06 on 1 procs for 0 steps with 3 atoms
+99.9% CPU use with 1 MPI tasks x 1 OpenMP threads
 """
 
 
 def test_output_of_lammps_is_read():
     figures = lammps.parse(OUTPUT, 3)
-    assert figures["seconds"] == 1.25 and figures["contacts_per_grain"] == 4.5
+    assert figures["seconds"] == 1.25 and figures["cpu_seconds"] == pytest.approx(1.0)
+    assert figures["contacts_per_grain"] == 4.5
     assert figures["pressure"] == 65.25 and figures["mass"] == 2.25
     assert figures["rotational_energy"] == 0.4
     assert lammps.parse(OUTPUT, 2)["rotational_energy"] == pytest.approx(0.5)  # a disc, not a sphere
@@ -109,11 +113,14 @@ def test_missing_lammps_is_said(monkeypatch):
 def test_results_have_the_documented_form():
     figures = {"contacts_per_grain": 4.5, "pressure": 65.0, "translational_energy": 2.0}
     other = figures | {"pressure": 66.0, "seconds": 1.0}
-    row = run.row([100.0, 120.0, 110.0], [130.0, 125.0, 135.0], [88.0, 80.0, 90.0], figures, other)
-    assert json.loads(json.dumps(row)) == row
+    turns = [100.0, 120.0, 110.0], [130.0, 125.0, 135.0], [88.0, 80.0, 90.0]
+    row = run.times(*turns) | run.agreement(figures, other)
     assert (row["ours_ns"], row["lammps_ns"], row["ratio"]) == (110.0, 88.0, 1.25)
-    assert (row["ours_ledger_ns"], row["ours_min_ns"], row["lammps_min_ns"]) == (130.0, 100.0, 80.0)
+    assert (row["ours_ledger_ns"], row["ours_ns_min"], row["lammps_ns_min"]) == (130.0, 100.0, 80.0)
     assert row["agree"] and len(row["ratio_turns"]) == 3
-    assert not run.row([1.0], [1.0], [1.0], figures, other | {"pressure": 80.0})["agree"]
-    text = run.table({"S3_10000_f64_2t": row})
-    assert text.splitlines()[2].startswith("| S3_10000_f64_2t | 110 | 88 | 1.25 | 1.25 |")
+    assert not run.agreement(figures, other | {"pressure": 80.0})["agree"]
+    assert "| S3_10000_f64_2t | 110 | 88 | 1.25 | 1.25 | 1.48 | - |" in run.table({"S3_10000_f64_2t": row})
+    row |= run.times(*turns, "cpu_")
+    assert row["cpu_ratio"] == row["ratio"] and row["ours_cpu_ns"] == row["ours_ns"]
+    assert "| 1.48 | 1.25 |" in run.table({"S3_10000_f64_1t": row})
+    assert json.loads(json.dumps(row)) == row

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
 from workflows import plots, shear_gouge, signals
@@ -81,6 +81,13 @@ class Params(shear_gouge.Params):
             "replicas": 5,
         },
     }
+
+    @model_validator(mode="after")
+    def _seeds_fit_their_column(self):
+        last = self.seed + self.replicas - 1
+        if last >= 2**31:
+            raise ValueError(f"--seed {self.seed}: the last seed {last} must be at most {2**31 - 1}")
+        return self
 
 
 def build(params) -> "dict[str, shear_gouge.Params]":

@@ -120,7 +120,7 @@ def test_depth_and_normal_are_those_of_the_least_separation(pairs):
     sim, probe, arguments, expected, angle, c = pairs
     depth, n, arm_k, arm_l = probe.rows()
     assert np.all(expected > 0)
-    assert np.abs(depth - expected).max() < 1e-12 * scenes.EPS
+    assert np.abs(depth - expected).max() < scenes.tolerance(1e-12, 1e-5)
     # s is stationary at the minimum, so the brute-force angle is good to sqrt(1e-15 d/curvature radius) only
     assert np.abs(n - unit(angle)).max() < 1e-6
     assert np.linalg.norm(n, axis=1) == pytest.approx(1.0, abs=1e-15)

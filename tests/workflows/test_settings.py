@@ -144,7 +144,8 @@ class Everything(Params):
 
 
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
-numbers = st.floats(allow_nan=False, allow_infinity=False)
+# Once another test has started Taichi, the processor takes subnormal numbers for zero.
+numbers = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
 
 
 @given(
