@@ -119,9 +119,7 @@ def build(params) -> "lsm.Scene":
     thickness, lengths = p.layer
     area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
     one = lsm.disc() if dim == 2 else lsm.sphere()
-    count = p.grains or round(
-        PACKED[dim] * thickness * float(np.prod(lengths)) / (one.measure * d**dim)
-    )
+    count = p.grains or round(PACKED[dim] * thickness * float(np.prod(lengths)) / (one.measure * d**dim))
     shapes = [one]
     if p.shape == "angular":
         shapes += lsm.random_angular_shapes(min(count, 200), p.seed, p.corner_radius)
