@@ -39,6 +39,7 @@ _HOME = {
     "LayerRecorder": "recording",
     "write_table": "output",
     "file_attributes": "output",
+    "write_energies": "energy_file",
     "steady_state": "analysis",
     "steady_ratio": "analysis",
     "combine_replicas": "analysis",

@@ -1,7 +1,8 @@
-"""Time integration: velocity Verlet with onset correction (the default), without it, and the seed's Euler schemes.
+"""Time integration: Verlet with onset correction (the default), velocity Verlet, and the Euler schemes of the seed.
 
-Verlet's half kicks are merged: velocities live half a step before positions. One step is: platens, then all grains (gather the force, kick, drift), then all contacts at the new positions. It
-ends with positions, contact forces and histories at the same time t; `diagnostics` synchronises velocities to t.
+Verlet's half kicks are merged: velocities live half a step before positions. One step is: platens, then all grains
+(gather the force, kick, drift), then all contacts at the new positions. It ends with positions, contact forces and
+histories at the same time t; `diagnostics` synchronises velocities to t.
 The serial path (many steps per launch) and the parallel path give the same bits.
 """
 
