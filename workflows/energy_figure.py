@@ -22,7 +22,7 @@ def plot_energy(path, rows, series, published):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13, 4.4), layout="constrained")
+    figure = Figure(figsize=(14, 5), layout="constrained")
     FigureCanvasAgg(figure)
     energy, error, against = figure.subplots(1, 3)
     first = series["onset_verlet"]
@@ -34,7 +34,7 @@ def plot_energy(path, rows, series, published):
     energy.set(
         xlabel="time [ms]", ylabel="energy over initial energy [1]", ylim=(0, 1.05), title="Energies (paper: Fig. 4)"
     )
-    energy.legend(loc="center right")
+    energy.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, fontsize=8, frameon=False)
 
     for scheme, run in series.items():
         total = sum(run[n] for n in TERMS)
@@ -43,7 +43,7 @@ def plot_energy(path, rows, series, published):
     error.axhline(published, color="grey", ls="--", lw=1)
     error.text(ms[-1], published * 1.15, "Abe & Mora (2003)", color="grey", ha="right", va="bottom", fontsize=9)
     error.set(xlabel="time [ms]", ylabel="relative error of the energy [1]", title="Error at 50 steps per contact")
-    error.legend(fontsize=8, loc="lower right")
+    error.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
 
     for scheme in COLOURS:
         for name, style in (("drift", "o-"), ("shadow_drift", "s:")):
@@ -57,7 +57,7 @@ def plot_energy(path, rows, series, published):
     against.set(xlabel="steps per contact [1]", ylabel="drift, rms over seeds [1]", title="Drift against the step")
     against.set_xticks([50, 100, 200, 400], ["50", "100", "200", "400"])
     against.minorticks_off()
-    against.legend(fontsize=8)
+    against.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
     for axes in (energy, error, against):
         axes.grid(True, which="major", alpha=0.25)
     figure.savefig(path, dpi=130)
