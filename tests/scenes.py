@@ -78,12 +78,12 @@ def energy(sim):
     return sum(sums[p] for p in parts), sum(v for k, v in sums.items() if k.startswith("dissipated_"))
 
 
-def frictional():
+def frictional(stiffness=STIFFNESS):
     """All the laws of a grain in gouge."""
     return [
-        lsm.LinearElastic(STIFFNESS),
+        lsm.LinearElastic(stiffness),
         lsm.ViscousDamping(restitution=0.6),
-        lsm.CoulombFriction(0.5, 0.5 * STIFFNESS),
+        lsm.CoulombFriction(0.5, 0.5 * stiffness),
     ]
 
 

@@ -64,14 +64,14 @@ class Params(shear_gouge.Params):
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
-            "layer_thickness": 12.0,
+            "layer_thickness": 10.0,
             "length": 20.0,
-            "inertial_number": 5e-3,
-            "strain": 1.5,
+            "inertial_number": 2e-3,
+            "strain": 2.0,
             "steady_from": 0.5,
             "replicas": 2,
         },
-        "demo": {"layer_thickness": 24.0, "length": 30.0, "inertial_number": 2e-3, "strain": 3.0},
+        "demo": {"layer_thickness": 20.0, "length": 28.0, "inertial_number": 2e-3, "strain": 3.0},
         "standard": {"replicas": 5},
         "reference": {
             "length": 60.0,
@@ -133,10 +133,10 @@ def collect(runs, params, out, run_status):
     for label, of_run in runs.items():
         path = out / "runs" / label / "run.nc"
         dataset = lsm.open_run(path) if path.exists() else None
-        status = dataset.run_status if dataset is not None else "failed"
-        # A run that was killed had no time to write how it ended.
+        status = dataset.run_status if dataset is not None else "running"
+        if status == "running":  # killed before it wrote how it ended, or never started
+            status = "failed" if run_status == "complete" else run_status
         row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
-        row["status"] = "failed" if status == "running" else status
         figures = shear_gouge.analyse(dataset, of_run) if status == "complete" else {}
         row |= {v.name: float(figures[v.name].value) if figures else np.nan for v in COLUMNS}
         rows.append(row)

@@ -66,7 +66,8 @@ def shape_outlines(grains):
 
 
 def _arc(middle, half):
-    angle = middle + np.linspace(-half, half, 2 + int(2.0 * half / ARC_STEP))
+    count = 2 + int(2.0 * half / ARC_STEP)
+    angle = middle + np.linspace(-half, half, count, endpoint=False)  # the next arc begins with the end
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 

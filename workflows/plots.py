@@ -74,7 +74,7 @@ def plot_comparison(out):
         found = {shape: _estimate(table, shape) for shape in series}
         _draw_comparison(curves, series, found)
         _draw_published(published, found)
-        drawn, layers = None, lower.subplots(1, 2, sharey=True)
+        drawn, layers = None, lower.subplots(1, 2)
         for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
             axes.set_title(f"({letter}) no complete run of {_name(shape)}")
             if shape in series:
@@ -82,6 +82,9 @@ def plot_comparison(out):
                 drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc", params.layer[1]))
                 axes.set_title(f"({letter}) layer of {_name(shape)} at strain {last:.2g}", color=COLOUR[shape])
         if drawn:
+            limits = [axes.get_ylim() for axes, shape in zip(layers, COLOUR, strict=True) if shape in series]
+            for axes in layers:
+                axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
             lower.colorbar(drawn, ax=layers, extend="both", aspect=30).set_label(BAR)
             one = next(iter(series.values()))[0]
             figure.suptitle(_conditions(_params(one), _sheared(one)))
@@ -149,7 +152,7 @@ def _draw_comparison(axes, series, found):
         axes.plot(
             [], [], color="black", lw=1.1, ls=(0, (5, 3)), label=f"mean ± standard error from strain {since:g} on"
         )
-        axes.axvline(since, color="0.6", lw=1, ls=":")
+        axes.axvline(since, 0.06, 0.72, color="0.6", lw=1, ls=":")
         axes.set_xlim(0, last)
         axes.legend(loc="upper left", fontsize=9.2)
     axes.set(ylim=(0, 1.42 * top), xlabel="shear strain [1]", ylabel="friction: shear stress / normal stress [1]")
@@ -180,11 +183,14 @@ def published_rows():
 def _draw_published(axes, found):
     """Steady friction of this run beside published values, sorted by dimension, then by friction."""
     rows = published_rows()
-    rows += [(2, e.mean, f"{_name(s)} 2D, here", "here", s, False, e) for s, e in found.items()]
+    rows += [
+        (2, e.mean, f"{_name(s).removesuffix(' grains')} 2D, this run", "this run", s, False, e)
+        for s, e in found.items()
+    ]
     rows.sort(key=lambda row: row[:3], reverse=True)
     for y, (_, mean, _, kind, shape, still, values) in enumerate(rows):
         colour = COLOUR[shape]
-        if kind == "here":
+        if kind == "this run":
             axes.axhspan(y - 0.5, y + 0.5, color=colour, alpha=0.14, lw=0)
             axes.errorbar(mean, y, xerr=values.standard_error, fmt="o", color=colour, ms=5.5, capsize=5, elinewidth=2)
             continue
@@ -194,21 +200,19 @@ def _draw_published(axes, found):
             axes.text(mean - 0.02, y, "rotation suppressed", ha="right", va="center", fontsize=8.5, color="0.3")
     axes.set_yticks(range(len(rows)), [row[2] for row in rows], fontsize=9)
     for tick, row in zip(axes.get_yticklabels(), rows, strict=True):
-        tick.set_fontweight("bold" if row[3] == "here" else "normal")
+        tick.set_fontweight("bold" if row[3] == "this run" else "normal")
     for y in range(1, len(rows)):
         if rows[y][0] != rows[y - 1][0]:  # a line between the dimensions
             axes.axhline(y - 0.5, color="0.6", lw=0.8)
     axes.plot([], [], "s", color="0.3", ms=6, label="laboratory")
     axes.plot([], [], "D", color="0.3", ms=6, mfc="white", mew=1.5, label="simulation")
-    axes.errorbar(
-        [], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="here, ± standard error"
-    )
+    axes.errorbar([], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="this run")
     axes.legend(loc="lower left", handletextpad=0.4, borderaxespad=0.2)
     axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
     axes.tick_params(axis="y", length=0)
-    axes.set(xlim=(0, 0.7), ylim=(-0.6, len(rows) - 0.4), xlabel="steady friction [1]")
-    axes.set_title("(b) beside published values")
+    axes.set(xlim=(0, 0.7), ylim=(-0.6, len(rows) - 0.4), xlabel="friction [1]")
+    axes.set_title("(b) steady friction beside published values")
 
 
 def _draw_friction(axes, sheared, params):
@@ -222,21 +226,23 @@ def _draw_friction(axes, sheared, params):
     label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
     axes.plot([params.steady_from, strain[-1]], [steady.mean] * 2, "k", ls=(0, (5, 3)), lw=1.2, label=label)
     axes.set(xlim=(0, strain[-1]), ylim=(0, 1.3 * np.nanmax(bulk)), xlabel="shear strain [1]", ylabel="friction [1]")
-    axes.legend(loc="upper center", ncols=2)
+    axes.legend(loc="upper left", ncols=2)
     axes.set_title("(a) friction: shear stress / normal stress")
 
 
 def _draw_thickness(axes, sheared, colour):
     """Thickness, and porosity as a second scale of the same curve: the volume of the grains does not change."""
+    from matplotlib.ticker import MaxNLocator
+
     thickness = 1e3 * sheared.layer_thickness.values
     axes.plot(sheared.shear_strain, thickness, color=colour, lw=1.3)
     solid = float(np.mean(thickness * (1.0 - sheared.porosity.values)))
     scales = (lambda height: 1.0 - solid / height, lambda porosity: solid / (1.0 - porosity))
     second = axes.secondary_yaxis("right", functions=scales)
     second.set_ylabel("porosity [1]")
-    second.yaxis.set_major_formatter("{x:.3f}")
+    second.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     second.spines["right"].set_visible(True)
-    axes.locator_params(axis="y", nbins=6)
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     axes.set(xlim=(0, float(sheared.shear_strain[-1])), xlabel="shear strain [1]", ylabel="layer thickness [mm]")
     axes.set_title("(c) layer thickness and porosity")
 
@@ -249,9 +255,8 @@ def _draw_energy(axes, sheared):
     stored = (since.translational_energy + since.rotational_energy + since.elastic_energy).values
     unit, factor = _unit(np.abs(work).max())
     kinds = [i for i in range(lost.shape[1]) if np.any(lost[:, i])]
-    names = [f"dissipated: {str(sheared.effect_name.values[i]).replace('_', ' ')}" for i in kinds]
-    if part := float(sheared.work_throughput[-1]):
-        axes.plot([], [], " ", label=f"greatest residual: {100 * residual / part:.1g} % of the work throughput")
+    effects = [str(sheared.effect_name.values[i]).replace("_", " ").replace("coulomb", "Coulomb") for i in kinds]
+    names = [f"dissipated: {effect}" for effect in effects]
     axes.stackplot(
         strain, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
     )
@@ -259,7 +264,8 @@ def _draw_energy(axes, sheared):
     axes.plot(strain, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
     axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel=f"energy since shear began [{unit}]")
     axes.legend(loc="upper left", reverse=True)
-    axes.set_title("(d) energy budget")
+    part = residual / max(float(sheared.work_throughput[-1]), 1e-300)
+    axes.set_title(f"(d) energy budget; residual at most {100 * part:.1g} % of the work")
 
 
 def _unit(greatest):

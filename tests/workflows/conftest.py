@@ -6,6 +6,8 @@ import pytest
 
 import workflows
 
+SMALL_LAYER = {"layer_thickness": 8, "length": 10, "inertial_number": 5e-3, "strain": 0.5, "steady_from": 0.2}
+
 TOY = '''"""A toy that behaves as it is told."""
 
 import os
@@ -104,3 +106,20 @@ def toy(plugins):
     from workflows.discovery import find_workflows
 
     return find_workflows()["toy-run"]
+
+
+@pytest.fixture(scope="session")
+def sheared(runtime, tmp_path_factory):
+    """sheared(shape): (folder, parameters, run.nc as a Dataset) of a small 2D layer, sheared once per session."""
+    from workflows import shear_gouge
+
+    made = {}
+
+    def get(shape):
+        if shape not in made:
+            out = tmp_path_factory.mktemp(shape)
+            params = shear_gouge.Params(shape=shape, precision=runtime.precision, **SMALL_LAYER)
+            made[shape] = out, params, shear_gouge.run(params, out)
+        return made[shape]
+
+    return get

@@ -1,0 +1,128 @@
+"""Friction against closed forms: sliding to rolling, oblique impacts, and a spring that turns with its contact."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.effects.viscous_damping import damping_ratio_of
+from tests import scenes
+
+K, MU, G = 1.0e8, 0.3, 10.0
+HARD = 1.0e12  # [N/m]: an impact is over before the discs have turned round each other
+
+
+@pytest.mark.parametrize("dim, rolling, when", [(2, 2 / 3, 1 / 3), (3, 5 / 7, 2 / 7)])
+def test_sliding_turns_into_rolling(runtime, dim, rolling, when):
+    """A grain thrown along a floor, with the flat top of one glued giant: v ends at 2/3 v0 (disc), 5/7 v0 (sphere)."""
+    giant, v0 = 2.0e6, 1.0
+    weight = (1000.0 * np.pi / 4 if dim == 2 else 1000.0 * np.pi / 6) * G
+    sink = weight / K
+    position = np.zeros((2, dim))
+    position[0, 1] = -0.5 * giant
+    position[1, 1] = 0.5 - sink
+    velocity = np.zeros((2, dim))
+    velocity[1, 0] = v0
+    gravity = np.zeros(dim)
+    gravity[1] = -G
+    effects = [lsm.LinearElastic(K), lsm.CoulombFriction(MU, 20 * K), lsm.Gravity(tuple(gravity))]
+    floor = lsm.Platen("floor", [lsm.Fixed()] * dim)
+    sim = scenes.simulate(
+        scenes.scene(
+            position,
+            effects,
+            scale=np.array([giant, 1.0]),
+            velocity=velocity,
+            platen=np.array([0, -1]),
+            platens=[floor],
+            area=1.0,
+            thickness=1.0,
+            skin=0.5,
+            dt=1e-4,
+        )
+    )
+    start, _ = scenes.energy(sim)
+    slide_time = when * v0 / (MU * G)
+    sim.run(int(0.8 * slide_time / sim.dt))
+    assert sim.state.velocity.to_numpy()[1, 0] == pytest.approx(v0 - MU * G * sim.time, abs=1e-3)
+    assert sim.measure.sums()["sliding_count"] == 1
+    sim.run(int(0.2 * slide_time / sim.dt))
+    speeds = []
+    for _ in range(200):  # the spring rings when sliding ends: its mean counts
+        sim.run(10)
+        omega = sim.state.spin.to_numpy()[1, -1]
+        speeds.append((sim.state.velocity.to_numpy()[1, 0], -0.5 * omega))
+    v, rim = np.mean(speeds, axis=0)
+    assert v == pytest.approx(rolling * v0, abs=2e-3)
+    assert rim == pytest.approx(v, abs=5e-3)
+    left, lost = scenes.energy(sim)
+    mass = weight / G
+    assert lost == pytest.approx(0.5 * mass * v0**2 * (1 - rolling), rel=1e-2)
+    assert abs(left + lost - start) < 2e-3 * mass * v0**2
+
+
+ANGLES = np.radians([10.0, 25.0, 40.0, 55.0, 70.0, 75.0, 80.0, 85.0])
+
+
+@pytest.fixture(scope="module")
+def oblique(runtime):
+    """Pairs of equal discs that meet at angles from 10 to 85 degrees to the normal, with springs k_t = 10 k."""
+    n = len(ANGLES)
+    turn = np.linspace(0, 5, n)  # each pair lies another way
+    normal = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    first = 5.0 * np.stack([np.arange(n), np.zeros(n)], axis=1)
+    position = np.stack([first, first + normal], axis=1).reshape(-1, 2)
+    velocity = 0.5 * (np.cos(ANGLES)[:, None] * normal + np.sin(ANGLES)[:, None] * tangent)
+    effects = [lsm.LinearElastic(HARD), lsm.ViscousDamping(restitution=1.0), lsm.CoulombFriction(MU, 10 * HARD)]
+    sim = scenes.simulate(scenes.scene(position, effects, skin=0.5, thickness=1.0))
+    return sim, position, np.stack([velocity, -velocity], axis=1).reshape(-1, 2), normal, tangent
+
+
+def collide(oblique, restitution, steps):
+    sim, position, velocity, normal, tangent = oblique
+    scenes.law(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
+    mass = 1000.0 * np.pi / 4
+    duration = np.pi * np.sqrt(0.5 * mass / HARD)
+    spin = np.zeros((len(position), 1))
+    scenes.reload(sim, duration / steps, position=position, velocity=velocity, spin=spin)
+    sim.run(int(1.5 * steps))
+    assert np.all(sim.pairs.status.to_numpy() == 0)
+    v = sim.state.velocity.to_numpy().reshape(-1, 2, 2)
+    return v, sim.state.spin.to_numpy().reshape(-1, 2), mass
+
+
+@pytest.mark.parametrize("e", [1.0, 0.6])
+def test_oblique_impact_that_slides_all_the_way(oblique, e):
+    """Beyond a grazing angle the impulse is mu times the normal one: Chung & Ooi (2011), tests 4 and 5, for discs."""
+    v, omega, mass = collide(oblique, e, 4000)
+    normal, tangent = oblique[3:]
+    v_n, v_t = 0.5 * np.cos(ANGLES), 0.5 * np.sin(ANGLES)
+    # relative slip 2 v_t stops under an impulse j with j (2/m + 2 r^2/I) = j 6/m: it slides if mu j_n stays below
+    j = MU * mass * (1 + e) * v_n
+    slides = 6 * j / mass < 0.7 * 2 * v_t
+    assert 3 <= slides.sum() < len(ANGLES)
+    out_n = np.sum(v[:, 1] * normal, axis=1)
+    out_t = np.sum(v[:, 0] * tangent, axis=1)
+    assert np.abs(out_n - e * v_n).max() < 1e-3
+    assert (out_t - (v_t - j / mass))[slides] == pytest.approx(0, abs=5e-4)
+    inertia = mass / 8
+    assert (omega[:, 0] + 0.5 * j / inertia)[slides] == pytest.approx(0, abs=2e-3)
+    assert omega[:, 0] == pytest.approx(omega[:, 1], rel=1e-12)  # equal discs get equal spins
+
+
+def test_energy_of_oblique_impacts_closes(oblique):
+    sim, _, velocity, *_ = oblique
+    residual = []
+    for steps in (100, 800):
+        _, _, mass = collide(oblique, 0.8, steps)
+        start = 0.5 * mass * np.sum(velocity**2)
+        left, lost = scenes.energy(sim)
+        residual.append(abs(left + lost - start) / start)
+        assert lost > 0.1 * start
+    assert residual[0] < 5e-3 and residual[1] < 0.3 * residual[0]
+
+
+def test_refusals():
+    for coefficient, stiffness in ((-0.1, 1.0), (np.nan, 1.0), (0.5, 0.0), (0.5, np.inf)):
+        with pytest.raises(lsm.InputError, match="CoulombFriction"):
+            lsm.CoulombFriction(coefficient, stiffness)

@@ -1,0 +1,373 @@
+"""The contract of a force law, held against every law that `find_effects` discovers, plugins included."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+from taichi_lsm.effects import HistoryValue, contact_type, effect_name, find_effects
+from taichi_lsm.effects.base import PHASES
+from taichi_lsm.runtime import ti
+from tests.scenes import EPS, PRECISION
+
+pytestmark = pytest.mark.usefixtures("runtime")
+
+COUNT = 1000
+NUMBERS = ("depth", "approach", "spin_about_normal", "mass", "dt", "normal_force", "stiffness")
+VECTORS = ("normal", "slip", "tangential_force")
+LAWS = {name: cls for name, cls in find_effects().items()}
+CASES = [(cls, i, dim) for cls in LAWS.values() if cls.phase != "body" for i in range(len(cls.cases())) for dim in (2, 3)]
+IDS = [f"{effect_name(cls)}-{i}-{dim}D" for cls, i, dim in CASES]
+# Velocities of a thousand contacts, with elastic forces from this spring: [N m-1], [s], [m]
+SPRING, DT, DEPTH = 1.0e3, 1.0e-3, 1.0e-2
+
+
+@ti.data_oriented
+class Bench:
+    """Calls the hooks of one law for COUNT contacts in one launch; what it reads and writes is in `io`."""
+
+    def __init__(self, law, dim):
+        self.law, self.dim = law.bound(), dim
+        self.contact_type = contact_type(dim)
+        self.size = law.history_size(dim)
+        self.has_energy = hasattr(type(law), "contact_energy")
+        self.io = {name: ti.field(ti.f64, COUNT) for name in (*NUMBERS, "touching", "sliding", "lost", "energy")}
+        self.io |= {name: ti.Vector.field(dim, ti.f64, COUNT) for name in VECTORS}
+        self.io["history"] = ti.Vector.field(max(1, self.size), ti.f64, COUNT)
+        for name, field in self.io.items():
+            setattr(self, name, field)
+
+    @ti.kernel
+    def launch(self):
+        for c in range(COUNT):
+            contact = self.contact_type(0)
+            contact.depth, contact.approach = self.depth[c], self.approach[c]
+            contact.normal, contact.slip = self.normal[c], self.slip[c]
+            contact.spin_about_normal, contact.mass = self.spin_about_normal[c], self.mass[c]
+            contact.dt, contact.stiffness = self.dt[c], self.stiffness[c]
+            contact.normal_force, contact.tangential_force = self.normal_force[c], self.tangential_force[c]
+            contact.touching = ti.cast(self.touching[c], ti.i32)
+            if ti.static(self.size > 0):
+                memory = ti.Vector([self.history[c][i] for i in range(self.size)])
+                self.lost[c] = self.law.on_contact(contact, memory)
+                self.history[c] = memory
+                if ti.static(self.has_energy):
+                    self.energy[c] = self.law.contact_energy(contact, memory)
+            else:
+                memory = 0
+                self.lost[c] = self.law.on_contact(contact, memory)
+                if ti.static(self.has_energy):
+                    self.energy[c] = self.law.contact_energy(contact, memory)
+            self.normal_force[c] = contact.normal_force
+            self.tangential_force[c] = contact.tangential_force
+            self.sliding[c] = contact.sliding
+
+    @ti.kernel
+    def measure(self):
+        for c in range(COUNT):
+            contact = self.contact_type(0)
+            contact.depth, contact.normal = self.depth[c], self.normal[c]
+            self.energy[c] = self.law.contact_energy(contact, self.history[c])
+
+    def stored(self, history, **inputs):
+        """Energy that contacts hold with this history [J]."""
+        self.load(history, inputs)
+        self.measure()
+        return self.energy.to_numpy()
+
+    def load(self, history, inputs):
+        for name in NUMBERS + VECTORS + ("touching",):
+            value = np.asarray(inputs.get(name, 0.0), float)
+            shape = (COUNT, self.dim) if name in VECTORS else (COUNT,)
+            self.io[name].from_numpy(np.broadcast_to(value, shape).copy())
+        self.io["history"].from_numpy(np.zeros((COUNT, max(1, self.size))) if history is None else history)
+
+    def __call__(self, history=None, **inputs):
+        """Outputs of one step as {name: array}; normal forces are what the law added."""
+        self.load(history, inputs)
+        self.launch()
+        names = ("normal_force", "tangential_force", "lost", "energy", "history", "sliding")
+        out = {name: self.io[name].to_numpy() for name in names}
+        out["normal_force"] -= inputs.get("normal_force", 0.0)
+        return out
+
+
+_benches = {}
+
+
+def bench_of(cls, i, dim):
+    """Compiled bench of one case."""
+    if (cls, i, dim) not in _benches:
+        _benches[cls, i, dim] = Bench(cls.cases()[i], dim)
+    return _benches[cls, i, dim]
+
+
+def random_contacts(rng, dim, touching=1):
+    """Inputs of COUNT contacts in random directions, with the force of an elastic law already there."""
+    normal = rng.standard_normal((COUNT, dim))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    slip = rng.standard_normal((COUNT, dim)) * 0.05
+    slip -= np.sum(slip * normal, axis=1)[:, None] * normal
+    depth = DEPTH * rng.random(COUNT) * touching
+    return {
+        "normal": normal,
+        "slip": slip,
+        "depth": depth,
+        "approach": rng.standard_normal(COUNT),
+        "spin_about_normal": rng.standard_normal(COUNT) if dim == 3 else 0.0,
+        "mass": 10 ** rng.uniform(-1, 1, COUNT),
+        "dt": DT,
+        "normal_force": SPRING * depth,
+        "stiffness": SPRING,
+        "touching": touching,
+    }
+
+
+def rotations(rng, dim):
+    """COUNT random proper rotations (COUNT, dim, dim)."""
+    q, r = np.linalg.qr(rng.standard_normal((COUNT, dim, dim)))
+    q *= np.sign(np.einsum("cii->ci", r))[:, None, :]
+    q[:, :, 0] *= np.sign(np.linalg.det(q))[:, None]
+    return q
+
+
+def two_steps(bench, inputs):
+    """Outputs of the second of two steps from an empty history: forces that depend on the past are tested too."""
+    return bench(history=bench(**inputs)["history"], **inputs)
+
+
+def check_normal_force_is_the_slope_of_the_energy(bench, inputs):
+    h = 1e-6 * DEPTH if PRECISION == "f64" else 1e-2 * DEPTH
+    depth = inputs["depth"] + 0.01 * DEPTH
+    force = bench(**inputs | {"depth": depth, "normal_force": 0.0})["normal_force"]
+    high, low = (bench(**inputs | {"depth": depth + s * h, "normal_force": 0.0})["energy"] for s in (1, -1))
+    assert np.all(force > 0)
+    assert (high - low) / (2 * h) == pytest.approx(force, rel=1e-7 * EPS**0.5)
+
+
+def check_a_parted_contact_is_cleared(bench, rng, dim):
+    gone = random_contacts(rng, dim, touching=0)
+    held = rng.standard_normal((COUNT, max(1, bench.size))) * DEPTH
+    if bench.size == 3:  # a vector in the contact plane
+        held -= np.sum(held * gone["normal"], axis=1)[:, None] * gone["normal"]
+    out = bench(history=held, **gone)
+    for name in ("normal_force", "tangential_force"):
+        assert np.all(out[name] == 0.0), name
+    if bench.size:
+        assert np.all(out["history"] == 0.0)
+    assert np.all(np.isfinite(out["lost"]))
+    if bench.has_energy and bench.size:  # without motion, what is booked is what was held
+        still = {"slip": 0.0, "approach": 0.0, "spin_about_normal": 0.0}
+        stored = bench.stored(held, **gone)
+        assert np.all(stored > 0)
+        booked = bench(history=held, **gone | still)["lost"]
+        assert booked == pytest.approx(stored, rel=1e-9 * EPS**0.5)
+
+
+def smooth(rng, steps, harmonics=4):
+    """COUNT smooth random signals over `steps` steps, of size 1."""
+    phase = 2 * np.pi * np.arange(steps)[:, None, None] / steps
+    order = np.arange(1, harmonics + 1)
+    amplitude = rng.standard_normal((COUNT, harmonics)) / order
+    return np.sum(amplitude * np.sin(phase * order + rng.uniform(0, 2 * np.pi, (COUNT, harmonics))), axis=2)
+
+
+def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
+    """From the first touch to the parting of smooth random contacts: every step books just the work it takes."""
+    steps = 200
+    base = random_contacts(rng, dim) | {"spin_about_normal": 0.0}
+    depth = DEPTH * (1.0 + 0.15 * smooth(rng, steps)) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None]
+    depth = np.maximum(depth, 0.0)
+    depth[-1] = 0.0
+    # the slip of a step stays below 0.1 of what the friction spring can take, else a step is no small part of a cycle
+    tangent = rng.standard_normal((2, COUNT, dim))
+    tangent -= np.einsum("scd,cd->sc", tangent, base["normal"])[..., None] * base["normal"]
+    slip = np.einsum("tsc,scd->tcd", np.stack([smooth(rng, steps), smooth(rng, steps)], axis=1), tangent)
+    slip *= 16 * DEPTH / (steps * DT) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None, None]
+    history, before = None, np.zeros(COUNT)
+    force_n, force_t = np.zeros(COUNT), np.zeros((COUNT, dim))
+    spent, work_size = np.zeros(COUNT), np.zeros(COUNT)
+    for t in range(steps):
+        approach = (depth[t] - (depth[t - 1] if t else 0.0)) / DT
+        inputs = base | {"approach": approach, "slip": slip[t], "depth": depth[t], "touching": depth[t] > 0}
+        out = bench(history=history, **inputs | {"normal_force": SPRING * depth[t]})
+        work = 0.5 * (force_n + out["normal_force"]) * approach * DT
+        work -= 0.5 * np.sum((force_t + out["tangential_force"]) * slip[t], axis=1) * DT
+        work_size += np.abs(work)
+        spent += out["lost"]
+        stored = out["energy"] if bench.has_energy else np.zeros(COUNT)
+        scale = 1e-12 * EPS**0.5 * (SPRING * DEPTH**2 + np.abs(work) + np.abs(stored))
+        assert np.all(np.abs(work - out["lost"] - (stored - before)) < scale)
+        before, force_n, force_t, history = stored, out["normal_force"], out["tangential_force"], out["history"]
+    assert np.all(before == 0.0)
+    assert np.all(spent >= -1e-12 * EPS**0.5 * work_size)
+    if not dissipates:
+        assert np.all(spent == 0.0)
+    elif work_size.max() > 0.0:
+        assert (spent > 0.01 * work_size).mean() > 0.9
+
+
+def check_reaction_is_opposite(bench, inputs):
+    swapped = inputs | {"normal": -inputs["normal"], "slip": -inputs["slip"]}
+    swapped["spin_about_normal"] = -1.0 * np.asarray(inputs["spin_about_normal"])
+    first, second = two_steps(bench, inputs), two_steps(bench, swapped)
+    for name in ("normal_force", "lost", "energy"):
+        assert np.array_equal(first[name], second[name]), name
+    assert np.array_equal(first["tangential_force"], -second["tangential_force"])
+
+
+def check_force_turns_with_the_frame(bench, inputs, turn):
+    turned = inputs | {n: np.einsum("cij,cj->ci", turn, inputs[n]) for n in ("normal", "slip")}
+    first, second = two_steps(bench, inputs), two_steps(bench, turned)
+    for name in ("normal_force", "lost", "energy"):
+        scale = np.abs(first[name]).max()
+        assert second[name] == pytest.approx(first[name], rel=1e-11 * EPS**0.5, abs=1e-13 * EPS * scale), name
+    expected = np.einsum("cij,cj->ci", turn, first["tangential_force"])
+    scale = np.abs(expected).max()
+    assert second["tangential_force"] == pytest.approx(expected, rel=1e-10 * EPS**0.5, abs=1e-12 * EPS**0.5 * scale)
+
+
+def check_nothing_is_finite(bench, inputs):
+    """A contact with no overlap, no motion and no past has no force and no energy, and is a number."""
+    for depth in (0.0, DEPTH):
+        still = inputs | {"depth": depth, "approach": 0.0, "slip": 0.0, "normal_force": SPRING * depth}
+        out = bench(**still)
+        assert all(np.all(np.isfinite(values)) for values in out.values())
+        assert np.all(out["tangential_force"] == 0.0) and np.all(out["lost"] == 0.0)
+        if depth == 0.0:
+            assert np.all(out["normal_force"] == 0.0) and np.all(out["energy"] == 0.0)
+
+
+def check_contract(cls, i, dim):
+    """All of the above for one case of a law."""
+    bench, law = bench_of(cls, i, dim), cls.cases()[i]
+    rng = np.random.default_rng(i)
+    inputs = random_contacts(rng, dim)
+    if law.phase == "normal" and bench.has_energy and not law.history:
+        check_normal_force_is_the_slope_of_the_energy(bench, inputs)
+    check_a_parted_contact_is_cleared(bench, rng, dim)
+    check_reaction_is_opposite(bench, inputs)
+    check_force_turns_with_the_frame(bench, inputs, rotations(rng, dim))
+    check_nothing_is_finite(bench, inputs)
+    if law.phase in ("damping", "tangential"):
+        check_closed_histories_create_no_energy(bench, rng, dim, law.dissipates)
+
+
+@pytest.mark.parametrize("cls, i, dim", CASES, ids=IDS)
+def test_contract(cls, i, dim):
+    check_contract(cls, i, dim)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_law_describes_itself(name):
+    cls = LAWS[name]
+    assert cls.phase in PHASES
+    assert len(inspect.getdoc(cls)) > 60 and "=" in cls.equation
+    assert len(cls.cases()) >= 1 and all(isinstance(case, cls) for case in cls.cases())
+    for case in cls.cases():
+        assert case.name == name == effect_name(cls)
+        assert all(np.all(np.isfinite(np.asarray(v, float))) for v in case.parameters().values())
+    for value in cls.history:
+        assert isinstance(value, HistoryValue) and value.name.isidentifier()
+        assert value.units and len(value.long_name) > 10
+
+
+@ti.data_oriented
+class BodyBench:
+    """Calls `on_grain` and `grain_energy` of one body law at COUNT places."""
+
+    def __init__(self, law, dim):
+        self.law, self.dim = law.bound(), dim
+        self.inverse_mass, self.energy = ti.field(ti.f64, COUNT), ti.field(ti.f64, COUNT)
+        self.position, self.force = (ti.Vector.field(dim, ti.f64, COUNT) for _ in range(2))
+
+    @ti.kernel
+    def launch(self):
+        for c in range(COUNT):
+            force = 0.0 * self.position[c]
+            self.law.on_grain(self.inverse_mass[c], force)
+            self.force[c] = force
+            self.energy[c] = self.law.grain_energy(self.inverse_mass[c], self.position[c])
+
+
+@pytest.mark.parametrize("name", [n for n, cls in LAWS.items() if cls.phase == "body"])
+def test_body_force_is_minus_the_slope_of_its_energy(name):
+    rng = np.random.default_rng(0)
+    for law in LAWS[name].cases():
+        dim = next(len(v) for v in law.parameters().values() if np.size(v) in (2, 3))
+        bench = BodyBench(law, dim)
+        position = rng.standard_normal((COUNT, dim))
+        bench.inverse_mass.from_numpy(10 ** rng.uniform(-2, 2, COUNT))
+
+        def energy(x):
+            bench.position.from_numpy(x)
+            bench.launch()
+            return bench.energy.to_numpy()
+
+        slope = np.stack([energy(position + s) - energy(position - s) for s in 1e-3 * np.eye(dim)], axis=1) / 2e-3
+        force = bench.force.to_numpy()
+        assert np.abs(force).max() > 0
+        assert np.abs(slope + force).max() < 1e-9 * EPS**0.5 * np.abs(force).max()
+
+
+PLUGIN = '''"""A spring that stiffens, as a user would write it."""
+
+from dataclasses import dataclass
+
+from taichi_lsm.effects import Effect
+from taichi_lsm.runtime import ti
+
+
+@ti.data_oriented
+@dataclass
+class StiffeningSpring(Effect):
+    """F_n = a d^2, energy a d^3/3: a law that this package does not have."""
+
+    factor: float
+
+    equation = "F_n = a d^2"
+
+    def parameters(self):
+        return {"a": self.factor}
+
+    @ti.func
+    def on_contact(self, contact: ti.template(), history: ti.template()):
+        contact.normal_force += self.a_[0] * contact.depth * contact.depth
+        contact.stiffness += 2.0 * self.a_[0] * contact.depth
+        return 0.0
+
+    @ti.func
+    def contact_energy(self, contact, history):
+        return self.a_[0] * contact.depth ** 3 / SLOPE
+
+    @classmethod
+    def cases(cls):
+        return [cls(factor=1.0e5)]
+'''
+
+
+def plugin(folder, slope):
+    (folder / "effects").mkdir(exist_ok=True)
+    (folder / "effects" / "stiffening_spring.py").write_text(PLUGIN.replace("SLOPE", slope))
+    found = find_effects()
+    assert list(found) == sorted(found) and set(LAWS) < set(found)
+    return found["stiffening_spring"]
+
+
+def test_plugin_is_discovered_and_held_to_the_contract(tmp_path, monkeypatch):
+    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
+    check_contract(plugin(tmp_path, "3.0"), 0, 2)
+
+
+def test_contract_finds_a_law_whose_energy_is_wrong(tmp_path, monkeypatch):
+    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
+    with pytest.raises(AssertionError):
+        check_contract(plugin(tmp_path, "2.0"), 0, 2)
+
+
+def test_plugin_that_cannot_be_read_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "broken.py").write_text("from taichi_lsm import nothing_of_the_kind\n")
+    with pytest.raises(ImportError, match="broken.py"):
+        find_effects()

@@ -1,0 +1,158 @@
+"""What must not change: energy of conservative scenes to order dt^2, momenta to rounding, the ledger with losses."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from tests import scenes
+
+SEEDS = 8
+
+
+def thermal(sim, seed, temperature=1e-4):
+    """Start the packing with random velocities and spins [m/s, rad/s], and no momentum."""
+    rng = np.random.default_rng(seed)
+    arguments = sim.scene
+    n, speed = len(sim), np.sqrt(temperature * scenes.STIFFNESS / 800.0)
+    velocity = speed * rng.standard_normal((n, 2))
+    mass = arguments.masses()[0]
+    velocity -= (mass[:, None] * velocity).sum(axis=0) / mass.sum()
+    columns = {"position": arguments.position, "velocity": velocity}
+    if sim.rotates:
+        columns["spin"] = 2 * speed * rng.standard_normal((n, 1))
+    if sim.grains.has("orientation"):
+        columns["orientation"] = np.stack([np.cos(arguments.angle), np.sin(arguments.angle)], axis=1)
+    return columns
+
+
+def drift(sim, columns, dt, duration, samples):
+    """Greatest relative change of the energy over a fixed duration."""
+    scenes.reload(sim, dt, **columns)
+    start, _ = scenes.energy(sim)
+    worst = 0.0
+    for _ in range(samples):
+        sim.run(round(duration / samples / dt))
+        worst = max(worst, abs(scenes.energy(sim)[0] / start - 1))
+    return worst
+
+
+@pytest.mark.parametrize("name", ["elastic_discs", "elastic_arcs"])
+def test_energy_drift_falls_as_the_square_of_the_step(gallery, name):
+    sim = gallery(name)
+    contact_time = np.pi * np.sqrt(sim.scene.masses()[0].mean() / (2 * scenes.STIFFNESS))
+    samples, duration = 20, 20 * contact_time
+    per_contact = np.array([50, 80, 130, 220, 400])
+    drifts = []
+    for seed in range(SEEDS):
+        start = thermal(sim, seed)
+        drifts.append([drift(sim, start, contact_time / n, duration, samples) for n in per_contact])
+    drifts = np.array(drifts)
+    assert sim.measure.sums()["contact_count"] > 60
+    order = -np.polyfit(np.log(per_contact), np.log(drifts).mean(axis=0), 1)[0]
+    assert order == pytest.approx(2.0, abs=0.25)
+    assert np.sqrt((drifts[:, 0] ** 2).mean()) < 1e-3
+
+
+def momenta(sim):
+    """(linear momentum over sum m|v|, angular momentum, its scale), of velocities half a step before positions."""
+    mass, inertia = sim.scene.masses()
+    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "spin"))
+    orbital = np.cross(x, v) if x.shape[1] == 3 else (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])[:, None]
+    angular = mass[:, None] * orbital + inertia[:, None] * omega
+    linear = (mass[:, None] * v).sum(axis=0)
+    return linear, (mass * np.linalg.norm(v, axis=1)).sum(), angular.sum(axis=0), np.abs(angular).sum()
+
+
+def falling_together(dim, speed=2.0, count=40):
+    """An isolated cluster of grains that fly at each other: angular ones in 2D, spheres in 3D."""
+    rng = np.random.default_rng(dim)
+    side = int(np.ceil(count ** (1 / dim)))
+    lattice = np.stack(np.unravel_index(np.arange(count), (side,) * dim), axis=1)
+    position = 1.25 * (lattice - 0.5 * side) + rng.uniform(-0.05, 0.05, (count, dim))
+    spins = 1 if dim == 2 else 3
+    return scenes.scene(
+        position,
+        scenes.frictional(1e7),
+        shapes=lsm.random_angular_shapes(5, 2) if dim == 2 else None,
+        shape=np.arange(count) % 5 if dim == 2 else 0,
+        scale=rng.uniform(0.8, 1.1, count),
+        angle=rng.uniform(0, 6, count) if dim == 2 else None,
+        velocity=-speed * position + 0.3 * rng.standard_normal((count, dim)),
+        spin=2 * rng.standard_normal((count, spins)),
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_momenta_of_an_isolated_cluster_are_exact(runtime, dim):
+    sim = scenes.simulate(falling_together(dim))
+    linear0, _, angular0, _ = momenta(sim)
+    touched = 0
+    for _ in range(10):
+        sim.run(200)
+        touched = max(touched, sim.measure.sums()["contact_count"])
+        linear, size, angular, angular_size = momenta(sim)
+        assert np.abs(linear - linear0).max() < 1e-12 * scenes.EPS**0.5 * size
+        assert np.abs(angular - angular0).max() < 1e-10 * scenes.EPS**0.5 * angular_size
+    assert touched > 20 and sim.rebuilds > 2
+    assert sum(v for k, v in sim.measure.sums().items() if k.startswith("dissipated")) > 0
+
+
+@pytest.fixture(scope="module")
+def collapse(runtime):
+    """A column of frictional, damped angular grains above a floor of glued discs."""
+    rng = np.random.default_rng(4)
+    floor = np.stack([np.arange(24) - 11.5, np.zeros(24)], axis=1)
+    column = np.stack(np.divmod(np.arange(60), 12), axis=1) @ np.diag([1.25, 1.25]) + [-2.5, 1.3]
+    position = np.concatenate([floor, column + rng.uniform(-0.05, 0.05, column.shape)])
+    n = len(position)
+    glued = np.arange(n) < 24
+    return scenes.simulate(
+        scenes.scene(
+            position,
+            [*scenes.frictional(1e7), lsm.Gravity((0.0, -10.0))],
+            shapes=[lsm.disc(), *lsm.random_angular_shapes(6, 9)],
+            shape=np.where(glued, 0, 1 + np.arange(n) % 6),
+            angle=rng.uniform(0, 6, n),
+            platen=np.where(glued, 0, -1),
+            platens=[lsm.Platen("floor", [lsm.Fixed()] * 2)],
+            area=1.0,
+        )
+    )
+
+
+def test_energy_ledger_of_a_collapse_closes(collapse):
+    sim, scene = collapse, collapse.scene
+    n = len(sim)
+    columns = {"position": scene.position, "velocity": np.zeros((n, 2)), "spin": np.zeros((n, 1))}
+    columns["orientation"] = np.stack([np.cos(scene.angle), np.sin(scene.angle)], axis=1)
+    coarse = sim.dt
+    residual = []
+    for fraction in (1, 4, 16):
+        scenes.reload(sim, coarse / fraction, **columns)
+        start, none = scenes.energy(sim)
+        assert none == 0.0
+        worst = 0.0
+        for _ in range(20):
+            sim.run(round(0.05 / sim.dt))
+            left, lost = scenes.energy(sim)
+            worst = max(worst, abs(left + lost - start))
+        residual.append(worst / lost)
+        sums = sim.measure.sums()
+        assert lost > 0.1 * abs(start)  # most of the fall is over
+        assert sums["dissipated_coulomb_friction"] > 0.02 * lost
+        assert sums["dissipated_viscous_damping"] > 0.02 * lost
+    assert residual[0] < 5e-3
+    assert residual[2] < 0.2 * residual[0]
+
+
+def test_free_fall_is_exact(runtime):
+    """Without contact laws: the parabola, which velocity Verlet meets to rounding."""
+    rng = np.random.default_rng(0)
+    position, velocity = rng.uniform(-50, 50, (20, 3)), rng.standard_normal((20, 3))
+    g = np.array([1.0, -9.81, 0.3])
+    sim = scenes.simulate(scenes.scene(position, [lsm.Gravity(tuple(g))], velocity=velocity, dt=1e-3))
+    start, _ = scenes.energy(sim)
+    sim.run(2000)
+    expected = position + velocity * sim.time + 0.5 * g * sim.time**2
+    assert np.abs(sim.state.position.to_numpy() - expected).max() < 1e-11 * scenes.EPS**0.5 * 100
+    assert scenes.energy(sim)[0] == pytest.approx(start, abs=1e-12 * scenes.EPS**0.5 * 1e9)

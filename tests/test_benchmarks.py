@@ -1,0 +1,119 @@
+"""The benchmark's scenes, decks and files; nothing here needs LAMMPS or measures time."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from benchmarks import lammps, run, scenes
+
+
+@pytest.fixture(params=scenes.TAGS)
+def state(request):
+    return scenes.load(request.param)
+
+
+def test_states_are_what_they_say(state):
+    count = int(state.tag.split("_")[1])
+    assert state.x.shape == (count, int(state.tag[1])) and state.d.shape == state.kind.shape == (count,)
+    assert state.x.dtype == state.d.dtype == np.float64
+    assert set(state.kind) == {scenes.MOBILE, scenes.BOTTOM, scenes.TOP}
+    assert (state.d > 0.8).all() and (state.d < 1.2).all()
+    assert (state.x >= 0.0).all() and (state.x <= state.box).all()
+    assert state.x[state.kind == scenes.BOTTOM, 1].max() < 0.2 * state.box[1]
+    assert state.x[state.kind == scenes.TOP, 1].min() > 0.8 * state.box[1]
+    assert (scenes.STATES / f"{state.tag}.npz").stat().st_size < 500_000
+
+
+def test_states_are_dense(state):
+    """Mobile grains are closer packed than they could be without touching, and overlap little."""
+    solid = state.mass.sum() / state.box.prod()
+    assert (0.80 < solid < 0.90) if state.dim == 2 else (0.57 < solid < 0.66)
+
+
+def test_scene_holds_the_state(state):
+    scene = scenes.build(state)
+    assert (scene.platen[state.kind == scenes.MOBILE] == -1).all()
+    assert (scene.platen[state.kind == scenes.TOP] == 1).all()
+    np.testing.assert_allclose(scene.masses()[0], state.mass, rtol=1e-14)
+    assert scene.dt == scenes.TIME_STEP < scene.stable_dt()
+    assert {e.name for e in scene.effects} == {"linear_elastic", "viscous_damping", "coulomb_friction"}
+    assert not scene.ledger and scenes.build(state, ledger=True).ledger
+
+
+def test_unknown_scene_is_named():
+    with pytest.raises(ValueError, match="S9_1.*S2_1000"):
+        scenes.load("S9_1")
+
+
+def test_data_file_holds_the_same_numbers(state):
+    lines = lammps.data_file(state).splitlines()
+    rows = np.array([line.split() for line in lines[lines.index("Atoms # sphere") + 2 :]], float)
+    assert np.array_equal(rows[:, 0], np.arange(1, len(state.d) + 1))
+    assert np.array_equal(rows[:, 1], state.kind)
+    assert np.array_equal(rows[:, 2], state.d) and (rows[:, 3] == 1.0).all()
+    assert np.array_equal(rows[:, 4 : 4 + state.dim], state.x)
+    assert f"{len(state.d)} atoms" in lines
+    low, high = re.search(r"^(\S+) (\S+) ylo yhi$", "\n".join(lines), re.MULTILINE).groups()
+    assert (float(low), float(high)) == (0.0, state.box[1])
+
+
+def test_deck_describes_the_same_scene(state):
+    deck = lammps.deck(state, "grains.data", skip=200, steps=400)
+    commands = [line.split() for line in deck.splitlines() if line]
+    named = {}
+    for name, *values in commands:
+        named.setdefault(name, []).append(values)
+    style, k_n, k_t, rate, tangential_rate, friction, tangential_damping = named["pair_style"][0]
+    assert style == "gran/hooke/history"
+    assert float(k_n) == scenes.NORMAL_STIFFNESS
+    assert float(k_t) == pytest.approx(scenes.TANGENTIAL_RATIO * scenes.NORMAL_STIFFNESS, rel=1e-15)
+    assert (float(rate), float(friction)) == (scenes.DAMPING_RATE, scenes.FRICTION)
+    assert float(tangential_rate) == 0.0 and tangential_damping == "0"
+    assert float(named["timestep"][0][0]) == scenes.TIME_STEP
+    assert float(named["neighbor"][0][0]) == scenes.SKIN
+    assert named["dimension"] == [[str(state.dim)]] and named["run"] == [["200"], ["400"], ["0"]]
+    assert ["shear", "top", "move", "linear", str(scenes.WALL_SPEED), "0", "0"] in named["fix"]
+    plane = [["group", "all", "density/disc", "1.0"]] if state.dim == 2 else []
+    assert named.get("set", []) == plane
+    assert (["plane", "all", "enforce2d"] in named["fix"]) == (state.dim == 2)
+    assert "{" not in deck
+
+
+OUTPUT = """Loop time of 0.5 on 1 procs for 200 steps with 3 atoms
+Loop time of 1.25 on 1 procs for 400 steps with 3 atoms
+Step c_zz c_p c_move c_spin v_weight
+     600   4.5   65.25   1.5   0.4   2.25
+Loop time of 1e-06 on 1 procs for 0 steps with 3 atoms
+"""
+
+
+def test_output_of_lammps_is_read():
+    figures = lammps.parse(OUTPUT, 3)
+    assert figures["seconds"] == 1.25 and figures["contacts_per_grain"] == 4.5
+    assert figures["pressure"] == 65.25 and figures["mass"] == 2.25
+    assert figures["rotational_energy"] == 0.4
+    assert lammps.parse(OUTPUT, 2)["rotational_energy"] == pytest.approx(0.5)  # a disc, not a sphere
+    with pytest.raises(ValueError, match="did not finish"):
+        lammps.parse("ERROR: Lost atoms", 3)
+
+
+def test_missing_lammps_is_said(monkeypatch):
+    monkeypatch.setattr(lammps, "find", lambda: None)
+    monkeypatch.setattr("sys.argv", ["benchmarks.run"])
+    with pytest.raises(SystemExit, match="apt-get install lammps"):
+        run.main()
+
+
+def test_results_have_the_documented_form():
+    figures = {"contacts_per_grain": 4.5, "pressure": 65.0, "translational_energy": 2.0}
+    other = figures | {"pressure": 66.0, "seconds": 1.0}
+    row = run.row([100.0, 120.0, 110.0], [130.0, 125.0, 135.0], [88.0, 80.0, 90.0], figures, other)
+    assert json.loads(json.dumps(row)) == row
+    assert (row["ours_ns"], row["lammps_ns"], row["ratio"]) == (110.0, 88.0, 1.25)
+    assert (row["ours_ledger_ns"], row["ours_min_ns"], row["lammps_min_ns"]) == (130.0, 100.0, 80.0)
+    assert row["agree"] and len(row["ratio_turns"]) == 3
+    assert not run.row([1.0], [1.0], [1.0], figures, other | {"pressure": 80.0})["agree"]
+    text = run.table({"S3_10000_f64_2t": row})
+    assert text.splitlines()[2].startswith("| S3_10000_f64_2t | 110 | 88 | 1.25 | 1.25 |")

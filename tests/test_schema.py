@@ -1,0 +1,47 @@
+"""Rows of the schema refuse what could not be stored or read."""
+
+import dataclasses
+
+import pytest
+
+from taichi_lsm.contact.pairs import pair_variables
+from taichi_lsm.layer import layer_rows
+from taichi_lsm.schema import DTYPES, Variable
+from taichi_lsm.state import PATCH_ROWS, SHAPE_ROWS, grain_variables
+
+
+def test_variable_is_plain_and_frozen():
+    row = Variable("position", ("grain", "space"), "f64", "m", "centre of mass", True)
+    assert (row.name, row.dims, row.dtype, row.units, row.restart) == ("position", ("grain", "space"), "f64", "m", True)
+    assert not Variable("a", (), "i32", "1", "number").restart
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        row.units = "mm"
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"name": "two words"}, "two words"),
+        ({"dtype": "f16"}, "f16.*real, f64, i32"),
+        ({"units": ""}, "units"),
+        ({"long_name": ""}, "long_name"),
+    ],
+)
+def test_refusals_name_the_row(changes, message):
+    good = {"name": "speed", "dims": (), "dtype": "f64", "units": "m s-1", "long_name": "speed of the grain"}
+    Variable(**good)
+    with pytest.raises(ValueError, match=message):
+        Variable(**good | changes)
+
+
+def test_names_are_unique_and_dtypes_known():
+    tables = [grain_variables(True, True, True, 2), pair_variables(True, True, 3), SHAPE_ROWS, PATCH_ROWS, layer_rows()]
+    for rows in tables:
+        assert len({row.name for row in rows}) == len(rows)
+        assert {row.dtype for row in rows} <= set(DTYPES)
+
+
+def test_everything_that_a_restart_needs_is_marked():
+    """Positions, velocities, histories: a continued run reads the rows marked restart and no others."""
+    marked = {row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, True, 1) if row.restart}
+    assert {"position", "velocity", "spin", "orientation", "dissipated", "history", "status", "partner_id"} <= marked

@@ -1,0 +1,114 @@
+"""The experiment on one layer: refused inputs, the state it reaches, and how it fails."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+import taichi_lsm as lsm
+from workflows import shear_gouge
+from workflows.settings import SettingsError, merge
+
+SHAPES = ("sphere", "angular")
+
+
+def test_every_wrong_value_is_reported():
+    wrong = {"normal_stress": "-5e6", "shape": "anglar", "grains": "many", "strain": "0"}
+    with pytest.raises(SettingsError) as caught:
+        merge(shear_gouge.Params, options=wrong)
+    text = "\n".join(caught.value.problems)
+    assert "--normal-stress -5e6: must be a number, greater than 0." in text
+    assert "--shape anglar: must be one of sphere, angular. Did you mean angular?" in text
+    assert "--grains many" in text and "--strain 0" in text
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"smallest_diameter": 2e-4}, "above --largest-diameter"),
+        ({"dim": 3, "shape": "angular"}, "2D only"),
+        ({"strain": 1.0, "steady_from": 1.0}, "--steady-from"),
+        ({"strain": 1.05, "steady_from": 1.0}, "needs 12 rows"),
+        ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "--stiffness-number"),
+    ],
+)
+def test_values_that_contradict_each_other_are_refused(values, words):
+    with pytest.raises(ValidationError, match=words):
+        shear_gouge.Params(**values)
+
+
+def test_contradictions_are_reported_together():
+    values = {"smallest_diameter": 2e-4, "steady_from": 9.0, "dim": 3, "shape": "angular"}
+    with pytest.raises(SettingsError) as caught:
+        merge(shear_gouge.Params, options=values)
+    text = "\n".join(caught.value.problems)
+    assert all(words in text for words in ("--largest-diameter", "--steady-from", "2D only"))
+
+
+def test_equal_sizes_are_allowed():
+    params = shear_gouge.Params(smallest_diameter=1e-4, largest_diameter=1e-4, layer_thickness=8, length=10)
+    scene = shear_gouge.build(params)
+    assert np.allclose(scene.scale[scene.platen < 0], 1e-4)
+
+
+def test_grains_sets_their_number_and_the_seed_the_packing():
+    one, same, other = (shear_gouge.build(shear_gouge.Params(grains=50, length=10, seed=seed)) for seed in (1, 1, 2))
+    assert np.sum(one.platen < 0) == 50
+    assert np.array_equal(one.position, same.position)
+    assert not np.array_equal(one.position[:50], other.position[:50])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_layer_is_sheared_at_its_normal_stress(sheared, shape):
+    _, params, dataset = sheared(shape)
+    assert dataset.run_status == "complete"
+    assert params.strain <= float(dataset.shear_strain[-1]) < params.strain + 0.1
+    figures = shear_gouge.analyse(dataset, params)
+    assert figures["energy_residual"].value < 0.01
+    assert abs(figures["normal_stress_error"].value) < 0.05
+    assert figures["inertial_number"].value == pytest.approx(params.inertial_number, rel=0.1)
+    assert 0.05 < figures["friction_mean"].value < 1.0
+    assert 0.0 < figures["porosity"].value < 0.4
+    assert 1.0 < figures["coordination_number"].value < 6.0
+    assert set(shear_gouge.BOUNDS) <= set(figures)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_files_tell_how_they_were_made(sheared, shape):
+    folder, params, dataset = sheared(shape)
+    assert merge(shear_gouge.Params, toml_path=folder / "config.toml") == params
+    assert dataset.config_toml == (folder / "config.toml").read_text()
+    grains = lsm.open_run(folder / "grains.nc")
+    assert grains.run_status == "complete"
+    assert float(grains.time[-1]) == float(dataset.time[-1])
+    assert {"run.nc", "grains.nc", "summary.json", "config.toml"} <= {p.name for p in folder.iterdir()}
+
+
+def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_rate(sheared):
+    _, params, dataset = sheared("sphere")
+    steady = dataset.isel(time=dataset.stage.values == 2)
+    assert np.allclose(steady.friction, steady.shear_stress / steady.normal_stress)
+    mean = float(steady.shear_stress.mean() / steady.normal_stress.mean())
+    assert shear_gouge.analyse(dataset, params.model_copy(update={"steady_from": 0.0}))[
+        "friction_mean"
+    ].value == pytest.approx(mean)
+    expected = float(steady.displacement[-1] - steady.displacement[0]) / float(steady.layer_thickness.mean())
+    assert float(steady.shear_strain[-1] - steady.shear_strain[0]) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeypatch):
+    _, params, complete = sheared("sphere")
+
+    def diverge(*args):
+        raise lsm.SimulationError("diverged at step 7")
+
+    monkeypatch.setattr(shear_gouge, "shear", diverge)
+    with pytest.raises(lsm.SimulationError, match="step 7"):
+        shear_gouge.run(params, tmp_path)
+    for name in ("run.nc", "grains.nc"):
+        assert lsm.open_run(tmp_path / name).run_status == "failed"
+    left = lsm.open_run(tmp_path / "run.nc")
+    before = complete.isel(time=complete.stage.values < 2)
+    assert left.sizes["time"] == before.sizes["time"]  # nothing of what was computed is lost,
+    assert np.array_equal(left.layer_thickness, before.layer_thickness)  # and a seed gives the same bits again
+    assert (tmp_path / "config.toml").exists()
+    assert not (tmp_path / "summary.json").exists()
