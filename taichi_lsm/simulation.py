@@ -17,7 +17,7 @@ from .runtime import start
 from .state import Grains, Shapes, grain_variables, spin_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
-SKIN = 0.1  # default margin of the neighbour list, in mean diameters
+SKIN = 0.07  # default margin of the neighbour list, in mean diameters
 PAIRS_PER_GRAIN = {
     2: 4,
     3: 6,

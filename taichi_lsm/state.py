@@ -52,7 +52,7 @@ def bytes_per_row(variables, sizes):
     return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
 
 
-def grain_variables(rotates, oriented, shaped, ledger, onset):
+def grain_variables(rotates, oriented, shaped, ledger, onset=False):
     """Rows of the grain state that a scene needs.
 
     rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;

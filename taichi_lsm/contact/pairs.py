@@ -10,7 +10,7 @@ SLIDING = 2
 KICKED = 4
 
 
-def pair_variables(rotates, shaped, history, onset):
+def pair_variables(rotates, shaped, history, onset=False):
     """Rows stored per slot of the neighbour list.
 
     history: number of values that the effects remember; onset: impulses correct the begin and end of contacts.
@@ -42,7 +42,7 @@ def pair_variables(rotates, shaped, history, onset):
 class Pairs:
     """Half list in CSR order (each pair at its lower id) and its transpose, with the pair's memory per slot."""
 
-    def __init__(self, dim, grain_capacity, capacity, rotates, shaped, history, onset):
+    def __init__(self, dim, grain_capacity, capacity, rotates, shaped, history, onset=False):
         self.capacity = rounded_capacity(capacity)
         self.history_size = history
         self.shaped = shaped
