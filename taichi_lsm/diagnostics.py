@@ -5,7 +5,7 @@ Grains are summed in blocks of consecutive ids, blocks one after the other: the 
 
 import numpy as np
 
-from .contact.pairs import SLIDING
+from .contact.pairs import SLIDING, TOUCHING
 from .runtime import ti
 
 BLOCK = 64
@@ -55,15 +55,12 @@ class Measure:
     def add_grain(self, k, low, high, velocity, gradient, total: ti.template()):
         g = self.grains
         if g.platen[k] < 0:
-            h = 0.5 * self.integrator.dt[None]
             m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
-            force, torque = self.forces.gathered(k)
-            v = g.velocity[k] + force * (h / m)
+            v, omega = self.integrator.synchronised(k)
             total[0] += 0.5 * m * v.dot(v)
             if ti.static(self.forces.rotates):
                 for c in ti.static(range(g.sizes["spin"])):
-                    omega = g.spin[k][c] + torque[c] * (g.inverse_inertia[k][c] * h)
-                    total[1] += 0.5 * omega * omega / g.inverse_inertia[k][c]
+                    total[1] += 0.5 * omega[c] * omega[c] / g.inverse_inertia[k][c]
             for law in ti.static(self.pulls):
                 total[ti.static(self.at["energy_" + law.name])] += law.grain_energy(g.inverse_mass[k], g.position[k])
             y = g.position[k][1]
@@ -93,7 +90,7 @@ class Measure:
         total[ti.static(self.at["contact_ends"])] += ti.select(g.platen[k] < 0, 1.0, 0.0) + ti.select(
             g.platen[l] < 0, 1.0, 0.0
         )
-        total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] >= SLIDING, 1.0, 0.0)
+        total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] & SLIDING, 1.0, 0.0)
         part = self.inside(g.position[k][1], d[1], low, high)
         for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
             total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * pairs.pair_force[s][a] * d[b]
@@ -114,7 +111,7 @@ class Measure:
                 k = g.slot_of[i]
                 self.add_grain(k, low, high, velocity, gradient, total)
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                    if pairs.status[s] != 0:
+                    if pairs.status[s] & TOUCHING:
                         deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
             self.block_sum[block] = total
             self.block_deepest[block] = deepest

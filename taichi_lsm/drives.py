@@ -195,7 +195,7 @@ class Platens:
         for p in ti.static(range(self.count)):
             total = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
             for m in range(ti.static(self.first[p]), ti.static(self.first[p + 1])):
-                force, _ = forces.gathered(self.grains.slot_of[self.member[m]])
+                force, torque, kick, twist = forces.gathered(self.grains.slot_of[self.member[m]])
                 total += force
             self.force[p] = total
             self.force_sum[p] += total

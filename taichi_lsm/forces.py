@@ -1,7 +1,7 @@
 """Forces of the contacts: composes the geometry and the effects that a scene lists, at compile time."""
 
 from .contact.narrow import cone_step, cone_violation, sphere_overlap
-from .contact.pairs import SLIDING, TOUCHING
+from .contact.pairs import KICKED, SLIDING, TOUCHING
 from .effects import contact_type
 from .effects.base import PHASES
 from .rotation import rotate, spin_velocity, torque_of, unrotate
@@ -32,6 +32,8 @@ class ContactForces:
         self.ledger = grains.has("dissipated")
         self.laws = [e for e in in_order(effects) if e.phase != "body"]
         self.body_laws = [e for e in effects if e.phase == "body"]
+        self.onset = pairs.onset
+        self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.books = [e for e in self.laws if e.dissipates]
         self.book_count = max(1, len(self.books))
         self.contact_type = contact_type(self.dim)
@@ -175,6 +177,11 @@ class ContactForces:
         return best_i, best_j
 
     @ti.func
+    def spin_difference(self, omega_k, omega_l, arm_k, arm_l):
+        """Part of the relative velocity of l against k at the contact that comes from the spins [m s-1]."""
+        return spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
+
+    @ti.func
     def contact_of(self, k, l, depth, n, arm_k, arm_l, dt):
         """The kinematics of a contact as the laws see it."""
         g = self.grains
@@ -182,7 +189,7 @@ class ContactForces:
         v = ti.cast(g.velocity[l] - g.velocity[k], self.real)
         if ti.static(self.rotates):
             omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
-            v += spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
+            v += self.spin_difference(omega_k, omega_l, arm_k, arm_l)
             if ti.static(self.dim == 3):
                 contact.spin_about_normal = 0.5 * n.dot(omega_k + omega_l)
         v_n = v.dot(n)
@@ -202,6 +209,28 @@ class ContactForces:
         return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
 
     @ti.func
+    def onset_kick(self, contact, s, was, depth, arm_k, arm_l):
+        """Impulse along the contact in the first step after it begins or ends; 0 in all others [N s].
+
+        It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for. Its
+        speed is that of the half step; a contact that began and ended within one step leaves nothing to correct.
+        """
+        pairs = self.pairs
+        before = was & TOUCHING
+        kick = 0.0 * depth
+        if contact.touching != before:
+            d = depth
+            u = contact.approach
+            if before == 1:
+                d = pairs.last_depth[s]
+                u = -u
+            if u > 0.0 and d < u * contact.dt:
+                for law in ti.static(self.springs):
+                    kick += law.onset_impulse(u, d / (u * contact.dt), contact.dt)
+        pairs.last_depth[s] = contact.depth
+        return kick
+
+    @ti.func
     def row(self, k, dt):
         """Evaluate the contacts in grain k's row and store their forces; pairs are oriented from the lower id.
 
@@ -210,6 +239,7 @@ class ContactForces:
         g, pairs = self.grains, self.pairs
         force = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
         torque = ti.Vector([ti.cast(0.0, self.real)] * g.sizes["spin"])
+        push, twist = 0.0 * force, 0.0 * torque
         spent = ti.Vector([ti.cast(0.0, ti.f64)] * self.book_count)
         for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
             l = pairs.partner[s]
@@ -236,8 +266,22 @@ class ContactForces:
                 if ti.static(self.rotates):
                     pairs.pair_torque[s] = torque_of(arm_l, f)
                     torque -= torque_of(arm_k, f)
-                pairs.status[s] = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+                status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+                if ti.static(self.onset):
+                    kick = self.onset_kick(contact, s, was, depth, arm_k, arm_l)
+                    if kick != 0.0:
+                        status += KICKED
+                        pairs.pair_kick[s] = kick * n
+                        push -= kick * n
+                        if ti.static(self.rotates):
+                            pairs.pair_twist[s] = torque_of(arm_l, kick * n)
+                            twist -= torque_of(arm_k, kick * n)
+                pairs.status[s] = status
         g.force[k] = force
+        if ti.static(self.onset):
+            g.kick[k] = push
+            if ti.static(self.rotates):
+                g.twist[k] = twist
         if ti.static(self.rotates):
             g.torque[k] = torque
         if ti.static(self.ledger):
@@ -245,18 +289,30 @@ class ContactForces:
 
     @ti.func
     def gathered(self, k):
-        """(force [N], torque [N m]) on grain k: its own row, then its column in rising ids, then body forces."""
+        """(force [N], torque [N m], impulse [N s], angular impulse [N m s]) on grain k: its own row, then its column
+        in rising ids, then body forces. Impulses are zero but where contacts begin or end."""
         g, pairs = self.grains, self.pairs
         force = ti.cast(g.force[k], ti.f64)
         torque = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["spin"])
+        kick, twist = 0.0 * force, 0.0 * torque
         if ti.static(self.rotates):
             torque = ti.cast(g.torque[k], ti.f64)
+        if ti.static(self.onset):
+            kick = ti.cast(g.kick[k], ti.f64)
+            if ti.static(self.rotates):
+                twist = ti.cast(g.twist[k], ti.f64)
         for c in range(pairs.column_start[k], pairs.column_start[k + 1]):
             s = pairs.column[c]
-            if pairs.status[s] != 0:
+            status = pairs.status[s]
+            if status & TOUCHING:
                 force += pairs.pair_force[s]
                 if ti.static(self.rotates):
                     torque += pairs.pair_torque[s]
+            if ti.static(self.onset):
+                if status & KICKED:
+                    kick += pairs.pair_kick[s]
+                    if ti.static(self.rotates):
+                        twist += pairs.pair_twist[s]
         for law in ti.static(self.body_laws):
             law.on_grain(g.inverse_mass[k], force)
-        return force, torque
+        return force, torque, kick, twist

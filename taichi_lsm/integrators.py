@@ -1,11 +1,12 @@
-"""Velocity Verlet with merged half kicks: velocities live half a step before positions.
+"""Time integration: Verlet with onset correction (the default), velocity Verlet, and the Euler schemes of the seed.
 
-One step is: platens, then all grains (gather the force, kick, drift), then all contacts at the new positions. It
-ends with positions, contact forces and histories at the same time t; `diagnostics` synchronises velocities to t.
+Verlet's half kicks are merged: velocities live half a step before positions. One step is: platens, then all grains
+(gather the force, kick, drift), then all contacts at the new positions. It ends with positions, contact forces and
+histories at the same time t; `diagnostics` synchronises velocities to t.
 The serial path (many steps per launch) and the parallel path give the same bits.
 """
 
-from .rotation import turned
+from .rotation import linear_turn, turned
 from .runtime import ti
 
 SERIAL_LIMIT = 4000  # grains; below, waking threads costs more than they save
@@ -16,8 +17,11 @@ class VelocityVerlet:
     """Symplectic, second order for conservative scenes: Eqs. (12)-(17) with the velocity of Eq. (14) at t + dt/2.
 
     dt [s] lives in a field. `halted` is 1 when a grain moved half the skin since the list was built: the step then
-    waits with its drift done and its contacts missing, until `finish_step` is called after the rebuild.
+    waits with its drift done and its contacts missing, until the contacts are evaluated after the rebuild.
     """
+
+    onset = False  # add impulses where contacts begin and end
+    half_step = True  # velocities belong half a step before positions
 
     def __init__(self, forces, platens, skin, dt):
         self.forces, self.platens = forces, platens
@@ -37,18 +41,40 @@ class VelocityVerlet:
         """Kick and drift of grain k, Eqs. (12)-(18)."""
         g, dt = self.grains, self.dt[None]
         if g.platen[k] < 0:
-            force, torque = self.forces.gathered(k)
-            g.velocity[k] += force * (g.inverse_mass[k] * dt)
+            force, torque, kick, twist = self.forces.gathered(k)
+            g.velocity[k] += (force * dt + kick) * g.inverse_mass[k]
             g.position[k] += g.velocity[k] * dt
             if ti.static(self.rotates):
-                g.spin[k] += torque * (g.inverse_inertia[k] * dt)
+                g.spin[k] += (torque * dt + twist) * g.inverse_inertia[k]
             if ti.static(self.oriented):
                 g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
-        way = g.position[k] - g.built_position[k]
+        self.watch(k)
+
+    @ti.func
+    def watch(self, k):
+        """Ask for a new neighbour list when grain k has moved by half the skin."""
+        way = self.grains.position[k] - self.grains.built_position[k]
         if not (way.dot(way) < self.half_skin[None] ** 2):  # also true for a position that is not a number
             self.moved[None] = 1
+
+    @ti.func
+    def synchronised(self, k):
+        """(velocity [m s-1], spin [rad s-1]) of grain k at the time of its position."""
+        g = self.grains
+        v = g.velocity[k]
+        omega = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["spin"])
+        if ti.static(self.rotates):
+            omega = g.spin[k]
+        if ti.static(self.half_step):
+            if g.platen[k] < 0:
+                h = 0.5 * self.dt[None]
+                force, torque, kick, twist = self.forces.gathered(k)
+                v += (force * h + kick) * g.inverse_mass[k]
+                if ti.static(self.rotates):
+                    omega += (torque * h + twist) * g.inverse_inertia[k]
+        return v, omega
 
     @ti.func
     def begin_step(self):
@@ -108,13 +134,62 @@ class VelocityVerlet:
         self.close_step()
 
     @ti.kernel
-    def half_kick(self, sign: ti.f64):
-        """Move velocities by half a step against the positions: sign -1 before a run, +1 to synchronise them."""
+    def shift_velocities(self):
+        """Move the velocities of the start half a step back, before the positions."""
         for k in range(self.grains.count[None]):
             g = self.grains
-            if g.platen[k] < 0:
-                h = 0.5 * sign * self.dt[None]
-                force, torque = self.forces.gathered(k)
-                g.velocity[k] += force * (g.inverse_mass[k] * h)
-                if ti.static(self.rotates):
-                    g.spin[k] += torque * (g.inverse_inertia[k] * h)
+            if ti.static(self.half_step):
+                if g.platen[k] < 0:
+                    h = -0.5 * self.dt[None]
+                    force, torque, kick, twist = self.forces.gathered(k)
+                    g.velocity[k] += force * (g.inverse_mass[k] * h)
+                    if ti.static(self.rotates):
+                        g.spin[k] += torque * (g.inverse_inertia[k] * h)
+
+
+@ti.data_oriented
+class OnsetVerlet(VelocityVerlet):
+    """Velocity Verlet with an impulse in the first step after each contact begins and after it ends.
+
+    Verlet is the trapezoidal rule for the impulse of a force; where the force starts inside a step the rule errs by
+    a Hurwitz zeta term (generalised Euler-Maclaurin), which the impulse makes up for. One linear collision is then
+    of fourth order in dt instead of second.
+    """
+
+    onset = True
+
+
+@ti.data_oriented
+class SymplecticEuler(VelocityVerlet):
+    """The seed's first-order scheme in its working form: Eqs. (13), (14) with x moved by the new velocity.
+
+    The update is Verlet's; but velocities and positions are taken to belong to the same time, so that energies
+    ripple at first order.
+    """
+
+    half_step = False
+
+
+@ti.data_oriented
+class ExplicitEuler(VelocityVerlet):
+    """The seed's scheme as printed: x moves by the old velocity, Eq. (14), and R by omega * R, Eq. (18).
+
+    It gains energy and its rotations grow; it is here to show why it is not used.
+    """
+
+    half_step = False
+
+    @ti.func
+    def advance(self, k):
+        g, dt = self.grains, self.dt[None]
+        if g.platen[k] < 0:
+            force, torque, kick, twist = self.forces.gathered(k)
+            g.position[k] += g.velocity[k] * dt
+            g.velocity[k] += force * (g.inverse_mass[k] * dt)
+            if ti.static(self.oriented):
+                g.orientation[k] += linear_turn(g.orientation[k], g.spin[k] * dt)
+            if ti.static(self.rotates):
+                g.spin[k] += torque * (g.inverse_inertia[k] * dt)
+        elif ti.static(self.driven):
+            self.platens.carry(k, dt)
+        self.watch(k)

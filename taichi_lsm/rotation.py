@@ -72,3 +72,14 @@ def turned(turn, omega, dt):
         v_new = (v + w * u + u.cross(v)) * s
         q = ti.Vector([w_new, v_new[0], v_new[1], v_new[2]])
         return q * (1.5 - 0.5 * q.dot(q))
+
+
+@ti.func
+def linear_turn(turn, angle):
+    """Change of an orientation by Eq. (18) as printed, omega * R dt; angle = omega dt [rad]. Leaves the rotations."""
+    if ti.static(turn.n == 2):
+        return ti.Vector([-angle[0] * turn[1], angle[0] * turn[0]])
+    else:
+        v = ti.Vector([turn[1], turn[2], turn[3]])
+        u = 0.5 * (turn[0] * angle + angle.cross(v))
+        return ti.Vector([-0.5 * angle.dot(v), u[0], u[1], u[2]])

@@ -12,12 +12,12 @@ from .drives import Platens
 from .effects import Bodies, Effect
 from .errors import InputError, SimulationError
 from .forces import PAIR_BASE, ContactForces
-from .integrators import SERIAL_LIMIT, VelocityVerlet
+from .integrators import SERIAL_LIMIT, OnsetVerlet
 from .runtime import start
 from .state import Grains, Shapes, grain_variables, spin_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
-SKIN = 0.1  # default margin of the neighbour list, in mean diameters
+SKIN = 0.07  # default margin of the neighbour list, in mean diameters
 PAIRS_PER_GRAIN = {
     2: 4,
     3: 6,
@@ -39,6 +39,7 @@ class Scene:
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
+    integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
     ledger: book the energy dissipated by each effect; parallel: force (True) or forbid (False) the parallel path.
     """
 
@@ -61,6 +62,7 @@ class Scene:
     skin: float | None = None
     dt: float | None = None
     safety: float = 0.3
+    integrator: type = OnsetVerlet
     ledger: bool = True
     parallel: bool | None = None
 
@@ -198,7 +200,8 @@ class Simulation:
         self.rotates = shaped or any(e.phase == "tangential" for e in scene.effects)
         books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase != "body")
-        rows = grain_variables(self.rotates, shaped, shaped, len(books))
+        onset = scene.integrator.onset
+        rows = grain_variables(self.rotates, shaped, shaped, len(books), onset)
         self.grains = Grains(scene.dim, n, rows, len(books))
         self.state = StateView(self.grains)
         self._load_scene(shaped)
@@ -207,11 +210,38 @@ class Simulation:
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
         room = max(int(1.2 * wanted), PAIRS_PER_GRAIN[scene.dim] * n)
-        self._compose(Pairs(scene.dim, capacity, room, self.rotates, shaped, self.history))
+        self._compose(Pairs(scene.dim, capacity, room, self.rotates, shaped, self.history, onset))
         self.neighbours.write()
+        self._begin()
+
+    def _begin(self):
+        """First evaluation of the contacts, then velocities half a step back."""
         self.integrator.contacts_only(0.0)
-        self.integrator.half_kick(-1.0)
+        self.integrator.shift_velocities()
         self._raise_fault()
+
+    def load(self, scene):
+        """Start again from another scene of the same make-up, without compiling anything.
+
+        The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
+        shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
+        """
+        mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
+        if mine[0] != mine[1] or scene.platens or self.platens:
+            raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
+        self.scene, self.step = scene, 0
+        self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
+        self.integrator.dt[None] = self._dt
+        for bound, effect in zip(self.effects, scene.effects, strict=True):
+            bound.write_parameters(effect)
+        if self.shapes:
+            self.shapes.fill(scene.shapes)
+        self._load_scene(self.shapes is not None)
+        if scene.ledger and self.grains.has("dissipated"):
+            self.grains.dissipated.fill(0.0)
+        self.pairs.row_start.fill(0)  # nothing is remembered of the pairs
+        self._rebuild()
+        self._begin()
 
     def _area(self):
         if self.scene.area is not None:
@@ -241,7 +271,7 @@ class Simulation:
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
         self.forces = ContactForces(self.grains, self.shapes, self.domain, pairs, self.effects)
-        self.integrator = VelocityVerlet(self.forces, self.platens, self.skin, self._dt)
+        self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt)
         self.measure = Measure(self.forces, self.integrator)
 
     @property

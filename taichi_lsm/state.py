@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from .errors import InputError
 from .runtime import current, ti
 from .schema import Variable
 
@@ -51,11 +52,11 @@ def bytes_per_row(variables, sizes):
     return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
 
 
-def grain_variables(rotates, oriented, shaped, ledger):
+def grain_variables(rotates, oriented, shaped, ledger, onset=False):
     """Rows of the grain state that a scene needs.
 
     rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;
-    ledger: number of effects that book dissipated energy.
+    ledger: number of effects that book dissipated energy; onset: contacts begin and end with impulses.
     """
     rows = [
         Variable("id", ("grain",), "i32", "1", "persistent number of the grain in this slot", True),
@@ -73,6 +74,10 @@ def grain_variables(rotates, oriented, shaped, ledger):
             Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse moment of inertia", True),
             Variable("torque", ("grain", "spin"), "real", "N m", "torque of the contacts in the own row", True),
         ]
+    if onset:
+        rows.append(Variable("kick", ("grain", "space"), "real", "N s", "impulse from the grain's own row", True))
+        if rotates:
+            rows.append(Variable("twist", ("grain", "spin"), "real", "N m s", "angular impulse likewise", True))
     if oriented:
         rows.append(Variable("orientation", ("grain", "turn"), "f64", "1", "unit complex number or quaternion", True))
     if shaped:
@@ -170,18 +175,26 @@ class Shapes:
     """
 
     def __init__(self, dim, shapes):
-        counts = np.array([s.patch_count for s in shapes])
-        first = np.concatenate([[0], np.cumsum(counts + 1)])
         table = allocate(SHAPE_ROWS, rounded_capacity(len(shapes)), {})
-        patch = allocate(PATCH_ROWS, rounded_capacity(first[-1]), {"space": dim})
+        rows = sum(s.patch_count + 1 for s in shapes)
+        patch = allocate(PATCH_ROWS, rounded_capacity(rows), {"space": dim})
         for name, field in {**vars(table), **vars(patch)}.items():
             setattr(self, name, field)
+        self.dim = dim
+        self.fill(shapes)
+
+    def fill(self, shapes):
+        """Write the table; the shapes must fit the capacity it was made with."""
+        counts = np.array([s.patch_count for s in shapes])
+        first = np.concatenate([[0], np.cumsum(counts + 1)])
+        if len(counts) > self.first.shape[0] or first[-1] > self.centre.shape[0]:
+            raise InputError(f"shapes: {first[-1]} rows of patches, there is room for {self.centre.shape[0]}")
         centre, radius, seam = [], [], []
         for shape in shapes:
             closed = np.append(np.arange(shape.patch_count), 0)
             centre.append(shape.centre[closed])
             radius.append(shape.radius[closed])
-            seam.append(shape.seam[closed] if len(shape.seam) else np.zeros((2, dim)))
+            seam.append(shape.seam[closed] if len(shape.seam) else np.zeros((2, self.dim)))
         _fill(self.first, first[:-1])
         _fill(self.patches, counts)
         _fill(self.centre, np.concatenate(centre))

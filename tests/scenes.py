@@ -59,9 +59,7 @@ def reload(sim, dt=None, **columns):
     sim.forces.fault_code[None] = 0
     sim.forces.fault_pair[None] = 0
     sim._rebuild()
-    sim.integrator.contacts_only(0.0)
-    sim.integrator.half_kick(-1.0)
-    sim._raise_fault()
+    sim._begin()
 
 
 def set_dt(sim, dt):

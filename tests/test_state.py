@@ -76,7 +76,7 @@ def test_simulation_pays_only_for_its_effects(gallery, name):
     kind, body = name.split("_")
     shaped, frictional = body == "arcs", kind == "frictional"
     rotates = shaped or frictional
-    expected = {row.name for row in grain_variables(rotates, shaped, shaped, 2 if frictional else 0)}
+    expected = {row.name for row in grain_variables(rotates, shaped, shaped, 2 if frictional else 0, onset=True)}
     assert set(sim.grains.variables) == expected
     for row in ("spin", "orientation", "dissipated", "shape"):
         assert hasattr(sim.grains, row) == (row in expected)

@@ -266,7 +266,7 @@ def morton_code(cell):
 
 def grown(pairs, dim, grain_capacity, rotates, capacity):
     """Larger storage with the rows of `pairs` copied, so that a rebuild can carry their memory over."""
-    larger = Pairs(dim, grain_capacity, capacity, rotates, pairs.shaped, pairs.history_size)
+    larger = Pairs(dim, grain_capacity, capacity, rotates, pairs.shaped, pairs.history_size, pairs.onset)
     for name in ["row_start"] + [v.name for v in pairs.variables]:
         raw = getattr(larger, name).to_numpy()
         small = getattr(pairs, name).to_numpy()

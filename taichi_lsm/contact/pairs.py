@@ -7,18 +7,30 @@ from ..state import allocate, bytes_per_row, rounded_capacity, spin_size
 # Bits of `status`.
 TOUCHING = 1
 SLIDING = 2
+KICKED = 4
 
 
-def pair_variables(rotates, shaped, history):
-    """Rows stored per slot of the neighbour list; `history` is the number of values that the effects remember."""
+def pair_variables(rotates, shaped, history, onset=False):
+    """Rows stored per slot of the neighbour list.
+
+    history: number of values that the effects remember; onset: impulses correct the begin and end of contacts.
+    """
     rows = [
         Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
         Variable("partner_id", ("contact",), "i32", "1", "persistent number of the second grain", True),
-        Variable("status", ("contact",), "i32", "1", "bit 1: touching, bit 2: sliding", True),
+        Variable("status", ("contact",), "i32", "1", "bit 1: touching, 2: sliding, 4: kicked", True),
         Variable("pair_force", ("contact", "space"), "real", "N", "force on the second grain", True),
     ]
     if rotates:
         rows.append(Variable("pair_torque", ("contact", "spin"), "real", "N m", "torque on the second grain", True))
+    if onset:
+        rows += [
+            Variable("last_depth", ("contact",), "real", "m", "depth in the last step", True),
+            Variable("pair_kick", ("contact", "space"), "real", "N s", "impulse on the second grain", True),
+        ]
+        if rotates:
+            long_name = "angular impulse on the second grain"
+            rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
     if shaped:
         rows.append(Variable("feature", ("contact", "two"), "i32", "1", "patches that face each other", True))
     if history:
@@ -30,15 +42,16 @@ def pair_variables(rotates, shaped, history):
 class Pairs:
     """Half list in CSR order (each pair at its lower id) and its transpose, with the pair's memory per slot."""
 
-    def __init__(self, dim, grain_capacity, capacity, rotates, shaped, history):
+    def __init__(self, dim, grain_capacity, capacity, rotates, shaped, history, onset=False):
         self.capacity = rounded_capacity(capacity)
         self.history_size = history
         self.shaped = shaped
+        self.onset = onset
         self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2}
-        self.variables = pair_variables(rotates, shaped, history)
+        self.variables = pair_variables(rotates, shaped, history, onset)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
-        kept = {"partner_id", "status", "feature", "history"}
+        kept = {"partner_id", "status", "feature", "history", "last_depth"}
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
@@ -60,6 +73,8 @@ class Pairs:
             self.old.feature[s] = self.feature[s]
         if ti.static(self.history_size > 0):
             self.old.history[s] = self.history[s]
+        if ti.static(self.onset):
+            self.old.last_depth[s] = self.last_depth[s]
 
     @ti.func
     def restore(self, s, o):
@@ -69,9 +84,13 @@ class Pairs:
             self.feature[s] = ti.Vector([-1, -1])  # not known yet
         if ti.static(self.history_size > 0):
             self.history[s] = ti.Vector([0.0] * self.history_size)
+        if ti.static(self.onset):
+            self.last_depth[s] = 0.0
         if o >= 0:
             self.status[s] = self.old.status[o]
             if ti.static(self.shaped):
                 self.feature[s] = self.old.feature[o]
             if ti.static(self.history_size > 0):
                 self.history[s] = self.old.history[o]
+            if ti.static(self.onset):
+                self.last_depth[s] = self.old.last_depth[o]

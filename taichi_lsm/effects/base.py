@@ -10,9 +10,15 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
         on_contact(self, contact, history) -> energy dissipated in this step [J]
         contact_energy(self, contact, history) -> energy stored now [J]
         on_grain(self, inverse_mass) -> force [N] on a mobile grain (phase "body")
+        onset_impulse(self, speed, fraction, dt) -> impulse [N s] that pushes the grains apart (phase "normal")
+        tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
         stable_dt(self, bodies) -> largest stable step of this law alone [s], host
         reach(self) -> extra distance at which pairs are kept [m], host
         cases(cls) -> instances that the contract tests try
+
+`onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a
+step: for a force c t^p that starts a fraction of the step before its end it is -c dt^(p+1) zeta(-p, fraction), zeta
+the Hurwitz zeta function; speed [m s-1] is that of approach (begin) or recession (end).
 
 In `on_contact` a law adds to `contact.normal_force` [N, repulsive], `contact.stiffness` [N m-1] and
 `contact.tangential_force` [N, on the second grain], and writes its history in place. It is called while the grains
@@ -124,11 +130,16 @@ class Effect:
         """Copy whose parameters live in Taichi fields `<name>_`, so that one compilation serves all values."""
         twin = copy.copy(self)
         for name, value in twin.parameters().items():
-            values = np.atleast_1d(np.asarray(value, float))
-            field = ti.field(current().real, len(values))
-            field.from_numpy(values.astype(np.float64 if current().real == ti.f64 else np.float32))
-            setattr(twin, f"{name}_", field)
+            setattr(twin, f"{name}_", ti.field(current().real, np.size(value)))
+        twin.write_parameters(self)
         return twin
+
+    def write_parameters(self, source):
+        """Take over the values of a law of the same class."""
+        for name, value in source.parameters().items():
+            field = getattr(self, f"{name}_")
+            for i, number in enumerate(np.atleast_1d(np.asarray(value, float))):
+                field[i] = number
 
 
 def effect_name(cls):

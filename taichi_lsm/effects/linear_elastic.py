@@ -45,6 +45,15 @@ class LinearElastic(Effect):
     def contact_energy(self, contact, history):
         return 0.5 * self.k_[0] * contact.depth * contact.depth
 
+    @ti.func
+    def tangent_stiffness(self, contact):
+        return self.k_[0]
+
+    @ti.func
+    def onset_impulse(self, speed, fraction, dt):
+        """-k u dt^2 zeta(-1, a) with zeta(-1, a) = -(a^2 - a + 1/6)/2."""
+        return 0.5 * self.k_[0] * speed * dt * dt * (fraction * fraction - fraction + 1.0 / 6.0)
+
     @classmethod
     def cases(cls):
         return [cls(stiffness=1.0e3), cls(stiffness=2.0e7)]

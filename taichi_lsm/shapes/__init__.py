@@ -3,6 +3,7 @@
 from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
 from .library import random_angular_shapes
 from .patch import GrainShape, disc, sphere
+from .paving import pave
 from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "arc_chain",
     "disc",
     "from_polygon",
+    "pave",
     "polygon_measures",
     "random_angular_shapes",
     "regular_disc_of_arcs",

@@ -133,6 +133,17 @@ class GrainShape:
         """Number of patches; 1 for a disc or a sphere."""
         return self.radius.size
 
+    def support(self, normals: ArrayLike) -> NDArray:
+        """Support function h(n) = max over the outline of x . n, for unit normals (k, 2) in the body frame; 2D."""
+        n = np.asarray(normals, dtype=np.float64)
+        if self.patch_count == 1:
+            return n @ self.centre[0] + self.radius[0]
+        low, high = self.seam, np.roll(self.seam, -1, axis=0)
+        after_low = low[:, 0] * n[:, 1, None] - low[:, 1] * n[:, 0, None] >= 0
+        before_high = n[:, 0, None] * high[:, 1] - n[:, 1, None] * high[:, 0] > 0
+        arc = np.argmax(after_low & before_high, axis=1)
+        return np.sum(n * self.centre[arc], axis=1) + self.radius[arc]
+
     def outline(self, points: int = 96) -> NDArray:
         """Closed polygon (k, 2) on the outline, counter-clockwise, last vertex = first, in the body frame.
 

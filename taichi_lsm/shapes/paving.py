@@ -1,0 +1,55 @@
+"""The generator of Abe & Mora (2003): an area split into polygonal tiles, one grain fitted to each."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import linprog
+from shapely.geometry import Polygon
+
+from .arc_chain import from_polygon
+from .patch import GrainShape
+from .tiling import voronoi_tiles
+
+
+def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
+    """Random grains that fill a periodic square, one per Voronoi tile: (shapes, position (n, 2), diameter (n,)).
+
+    length [L]: side of the square; corner_radius [L]: least patch radius; gap [L]: distance kept from the sides of
+    the tile. The shapes have equivalent diameter 1; diameter [L] scales them back to their tile.
+    Raises ValueError if a tile is too small for the corner radius.
+    """
+    shapes, places, diameters = [], [], []
+    for tile in voronoi_tiles(count, length, seed):
+        inset = np.array(Polygon(tile).buffer(-gap, join_style="mitre").exterior.coords)[:-1]
+        fitted = from_polygon(inset, corner_radius, arcs_per_corner=arcs_per_corner, normalise=False)
+        diameter = float(np.sqrt(4.0 * fitted.measure / np.pi))
+        shapes.append(_scaled(fitted, 1.0 / diameter))
+        places.append(_place(fitted, inset))
+        diameters.append(diameter)
+    return shapes, np.array(places), np.array(diameters)
+
+
+def _scaled(shape: GrainShape, factor: float) -> GrainShape:
+    """The same shape in other units of length."""
+    return replace(
+        shape,
+        centre=shape.centre * factor,
+        radius=shape.radius * factor,
+        measure=shape.measure * factor**2,
+        inertia=shape.inertia * factor**4,
+        bounding_radius=shape.bounding_radius * factor,
+        cap_radius=shape.cap_radius * factor,
+        lever=shape.lever * factor,
+    )
+
+
+def _place(shape: GrainShape, polygon) -> np.ndarray:
+    """Where the shape's centre of mass must lie for the shape to be as far as possible from all sides (2,) [L]."""
+    side = np.roll(polygon, -1, axis=0) - polygon
+    area = 0.5 * np.sum(polygon[:, 0] * np.roll(polygon[:, 1], -1) - polygon[:, 1] * np.roll(polygon[:, 0], -1))
+    normal = np.stack([side[:, 1], -side[:, 0]], axis=1) * np.sign(area)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    free = np.sum(normal * polygon, axis=1) - shape.support(normal)
+    rows = np.column_stack([normal, np.ones(len(normal))])
+    answer = linprog([0.0, 0.0, -1.0], A_ub=rows, b_ub=free, bounds=[(None, None)] * 3, method="highs")
+    return answer.x[:2]
