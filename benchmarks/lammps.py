@@ -15,9 +15,7 @@ from pathlib import Path
 
 from benchmarks import scenes
 
-HOW_TO_INSTALL = (
-    "LAMMPS (`lmp`) was not found. Debian, Ubuntu: apt-get install lammps; see https://www.lammps.org"
-)
+HOW_TO_INSTALL = "LAMMPS (`lmp`) was not found. Debian, Ubuntu: apt-get install lammps; see https://www.lammps.org"
 
 # `read_data` gives every grain the mass of a sphere; in 2D `density/disc` makes it rho pi d^2/4, as ours.
 DECK = """\

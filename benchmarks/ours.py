@@ -1,8 +1,8 @@
 """Our code as a process of its own: Taichi is initialised once per process, so each configuration needs one.
 
-`Worker` starts `python -m benchmarks.ours`, which compiles, then waits for lines on its input: "run N" advances
-by N steps and answers with the seconds on the wall clock and on the processor; "measure" answers with the
-figures that LAMMPS gives too.
+`Worker` starts `python -m benchmarks.ours`, which compiles, then waits for lines on its input: "run N"
+advances by N steps and answers with the seconds on the wall clock and on the processor; "measure" answers
+with the figures that LAMMPS gives too.
 """
 
 import json
@@ -18,8 +18,8 @@ HELLO = "ready"
 class Worker:
     """A running configuration. Waits without using the processor while others are timed."""
 
-    def __init__(self, tag, precision, threads, ledger):
-        command = [sys.executable, "-m", "benchmarks.ours", tag, precision, str(threads), str(int(ledger))]
+    def __init__(self, tag, precision, threads, extras):
+        command = [sys.executable, "-m", "benchmarks.ours", tag, precision, str(threads), str(int(extras))]
         self.process = subprocess.Popen(
             command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
@@ -58,15 +58,16 @@ def figures(sim, state):
     }
 
 
-def serve(tag, precision, threads, ledger):
+def serve(tag, precision, threads, extras):
     """Answer orders from standard input until it closes."""
     import taichi_lsm as lsm
     from benchmarks import scenes
 
     state = scenes.load(tag)
     # one thread needs no parallel loops; with more the simulation chooses by the number of grains
-    scene = scenes.build(state, ledger, parallel=False if threads == 1 else None)
+    scene = scenes.build(state, extras, parallel=False if threads == 1 else None)
     sim = lsm.Simulation(scene, precision=precision, threads=threads)
+    figures(sim, state)  # compiles the last kernels
     print(json.dumps(HELLO), flush=True)
     for line in sys.stdin:
         order, *count = line.split()

@@ -54,8 +54,11 @@ def load(tag) -> State:
         return State(tag, file["x"], file["d"], file["kind"], file["box"])
 
 
-def build(state, ledger=False, parallel=None) -> lsm.Scene:
-    """Our scene. `ledger`: book dissipated energy, which LAMMPS does not; `parallel`: see lsm.Scene."""
+def build(state, extras=False, parallel=None) -> lsm.Scene:
+    """Our scene: plain velocity Verlet, as LAMMPS. parallel: see lsm.Scene.
+
+    extras: what we do by default and LAMMPS does not, the ledger of dissipated energy and the onset correction.
+    """
     dim = state.dim
     still = [lsm.Fixed()] * dim
     return lsm.Scene(
@@ -80,6 +83,7 @@ def build(state, ledger=False, parallel=None) -> lsm.Scene:
         ],
         dt=TIME_STEP,
         skin=SKIN,
-        ledger=ledger,
+        integrator=lsm.OnsetVerlet if extras else lsm.VelocityVerlet,
+        ledger=extras,
         parallel=parallel,
     )

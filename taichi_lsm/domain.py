@@ -3,7 +3,7 @@
 import numpy as np
 
 from .errors import InputError
-from .runtime import ti
+from .runtime import ti, when_allocated
 
 
 def check_box(lengths, periodic, largest_diameter, skin):
@@ -34,6 +34,10 @@ class Domain:
         self.periodic = tuple(bool(p) for p in periodic)
         self.length = ti.field(ti.f64, self.dim)
         self.inverse_length = ti.field(ti.f64, self.dim)
+        when_allocated(lambda: self.set_lengths(lengths))
+
+    def set_lengths(self, lengths):
+        """Write the lengths of the cell [m]; those of open axes do not matter."""
         finite = np.where(self.periodic, lengths, 1.0).astype(float)
         self.length.from_numpy(finite)
         self.inverse_length.from_numpy(1.0 / finite)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .errors import InputError
-from .runtime import ti
+from .runtime import ti, when_allocated
 
 VALUES = 4  # numbers per driven axis in the parameter field
 PUBLISHED = ("displacement", "velocity", "force_sum", "force_square_sum", "work", "dissipated")
@@ -111,10 +111,11 @@ class Platen:
 class Platens:
     """State and motion of all platens, stepped serially: a few rigid bodies with one force sum each.
 
-    area [m2]: surface on which stresses act, the same for all.
+    area [m2]: surface on which stresses act, the same for all; member (n,): platen of each grain, -1 if mobile;
+    mass (n,) [kg] of each grain.
     """
 
-    def __init__(self, platens, grains, area):
+    def __init__(self, platens, grains, area, member, mass):
         self.names = [p.name for p in platens]
         self.dim = grains.dim
         self.grains = grains
@@ -124,15 +125,12 @@ class Platens:
         for p in platens:
             if len(p.drives) != self.dim:
                 raise InputError(f"platen {p.name!r}: {len(p.drives)} drives, needs one per axis ({self.dim})")
-        member = grains.column("platen")
-        mass = 1.0 / grains.column("inverse_mass").astype(float)
         glued = [np.flatnonzero(member == p) for p in range(self.count)]
         for p, ids in zip(platens, glued, strict=True):
             if len(ids) == 0:
                 raise InputError(f"platen {p.name!r}: no grain is glued to it")
         self.first = [int(n) for n in np.concatenate([[0], np.cumsum([len(g) for g in glued])])]
         self.member = ti.field(ti.i32, self.first[-1])
-        self.member.from_numpy(np.concatenate(glued).astype(np.int32))
         self.glued_mass = np.array([mass[ids].sum() for ids in glued])
         shape = self.count
         self.mass = ti.Vector.field(self.dim, ti.f64, shape)
@@ -146,6 +144,10 @@ class Platens:
         self.state = [getattr(self, name) for name in PUBLISHED]
         self.published = ti.field(ti.f64, (len(PUBLISHED), self.count, self.dim))
         self.values = ti.Vector.field(VALUES, ti.f64, (self.count, self.dim))
+        when_allocated(lambda: self._begin(np.concatenate(glued)))
+
+    def _begin(self, ids):
+        self.member.from_numpy(ids.astype(np.int32))
         masses = np.repeat(self.glued_mass[:, None], self.dim, axis=1)
         for p, drives in enumerate(self.drives):
             for axis, drive in enumerate(drives):

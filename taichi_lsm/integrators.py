@@ -7,7 +7,7 @@ The serial path (many steps per launch) and the parallel path give the same bits
 """
 
 from .rotation import linear_turn, turned
-from .runtime import ti
+from .runtime import ti, when_allocated
 
 SERIAL_LIMIT = 4000  # grains; below, waking threads costs more than they save
 
@@ -29,12 +29,16 @@ class VelocityVerlet:
         self.driven = platens is not None
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.dt = ti.field(ti.f64, ())
-        self.dt[None] = dt
         self.half_skin = ti.field(ti.f64, ())
-        self.half_skin[None] = 0.5 * skin
         self.moved = ti.field(ti.i32, ())
         self.halted = ti.field(ti.i32, ())
         self.steps_done = ti.field(ti.i32, ())
+        when_allocated(lambda: self.set_step(dt, skin))
+
+    def set_step(self, dt, skin):
+        """Choose the time step [s] and the skin of the neighbour list [m]."""
+        self.dt[None] = dt
+        self.half_skin[None] = 0.5 * skin
 
     @ti.func
     def advance(self, k):

@@ -6,6 +6,7 @@ Every other module writes `from .runtime import ti`, so that a fork with the sam
 import contextlib
 import io
 import os
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 # Taichi prints a banner to stdout on import, which would end up in the output of `lsm`.
@@ -63,3 +64,32 @@ def start(arch="cpu", precision="f64", threads=1) -> Runtime:
 def current() -> Runtime:
     """The settings of this process, started with the defaults if nobody has chosen."""
     return _current or start()
+
+
+_pending: list | None = None
+
+
+@contextmanager
+def allocating():
+    """Within this block fields are only declared; what is to be written to them waits until it ends.
+
+    Taichi closes a memory tree at the first access to any field. A process has room for 512 trees and every tree is
+    compiled, so that a simulation should declare all its fields before it touches one.
+    """
+    global _pending
+    _pending = []
+    try:
+        yield
+        waiting, _pending = _pending, None
+        for write in waiting:
+            write()
+    finally:
+        _pending = None
+
+
+def when_allocated(write):
+    """Call `write()` at the end of the surrounding `allocating` block, or now if there is none."""
+    if _pending is None:
+        write()
+    else:
+        _pending.append(write)

@@ -13,7 +13,7 @@ from .effects import Bodies, Effect
 from .errors import InputError, SimulationError
 from .forces import PAIR_BASE, ContactForces
 from .integrators import SERIAL_LIMIT, OnsetVerlet
-from .runtime import start
+from .runtime import allocating, start, when_allocated
 from .state import Grains, Shapes, grain_variables, spin_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
@@ -193,24 +193,29 @@ class Simulation:
         self.skin = scene.skin
         stable = scene.stable_dt() if scene.dt is None else None
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
-        self.effects = [e.bound() for e in scene.effects]
-        self.domain = Domain(scene.lengths, scene.periodic)
         shaped = max(s.patch_count for s in scene.shapes) > 1
-        self.shapes = Shapes(scene.dim, scene.shapes) if shaped else None
         self.rotates = shaped or any(e.phase == "tangential" for e in scene.effects)
         books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase != "body")
         onset = scene.integrator.onset
         rows = grain_variables(self.rotates, shaped, shaped, len(books), onset)
-        self.grains = Grains(scene.dim, n, rows, len(books))
-        self.state = StateView(self.grains)
-        self._load_scene(shaped)
-        self.platens = Platens(scene.platens, self.grains, self._area()) if scene.platens else None
-        self.search = NeighbourSearch(self.grains, self.domain, self.skin)
+        with allocating():
+            self.effects = [e.bound() for e in scene.effects]
+            self.domain = Domain(scene.lengths, scene.periodic)
+            self.shapes = Shapes(scene.dim, scene.shapes) if shaped else None
+            self.grains = Grains(scene.dim, n, rows, len(books))
+            self.state = StateView(self.grains)
+            when_allocated(lambda: self._load_scene(shaped))
+            self.platens = None
+            if scene.platens:
+                mass, _ = scene.masses()
+                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
+            self.search = NeighbourSearch(self.grains, self.domain, self.skin)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
         room = max(int(1.2 * wanted), PAIRS_PER_GRAIN[scene.dim] * n)
-        self._compose(Pairs(scene.dim, capacity, room, self.rotates, shaped, self.history, onset))
+        with allocating():
+            self._compose(Pairs(scene.dim, capacity, room, self.rotates, shaped, self.history, onset))
         self.neighbours.write()
         self._begin()
 

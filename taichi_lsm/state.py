@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from .errors import InputError
-from .runtime import current, ti
+from .runtime import current, ti, when_allocated
 from .schema import Variable
 
 
@@ -101,7 +101,6 @@ class Grains:
     def __init__(self, dim, count, variables, ledger):
         self.dim = dim
         self.count = ti.field(ti.i32, ())
-        self.count[None] = count
         self.sizes = {"space": dim, "spin": spin_size(dim), "turn": turn_size(dim), "ledger": ledger}
         self.variables = {v.name: v for v in variables}
         capacity = rounded_capacity(count)
@@ -109,6 +108,10 @@ class Grains:
             setattr(self, name, field)
         self.slot_of = ti.field(ti.i32, capacity)
         self.previous_slot = ti.field(ti.i32, capacity)
+        when_allocated(lambda: self._begin(count))
+
+    def _begin(self, count):
+        self.count[None] = count
         self.set_order(np.arange(count))
 
     def __len__(self):
@@ -181,7 +184,7 @@ class Shapes:
         for name, field in {**vars(table), **vars(patch)}.items():
             setattr(self, name, field)
         self.dim = dim
-        self.fill(shapes)
+        when_allocated(lambda: self.fill(shapes))
 
     def fill(self, shapes):
         """Write the table; the shapes must fit the capacity it was made with."""

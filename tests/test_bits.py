@@ -20,7 +20,15 @@ RUNS = {
 def run(folder, steps, threads, path, skin):
     """Summary of a run of tests/bits_run.py in a process of its own."""
     file = folder / f"{threads}-{path}-{skin}.json"
-    command = [sys.executable, str(ROOT / "tests" / "bits_run.py"), str(file), str(steps), str(threads), path, str(skin)]
+    command = [
+        sys.executable,
+        str(ROOT / "tests" / "bits_run.py"),
+        str(file),
+        str(steps),
+        str(threads),
+        path,
+        str(skin),
+    ]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

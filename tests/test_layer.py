@@ -109,9 +109,7 @@ def touching_outlines(sim, place):
     angle = np.arctan2(turn[:, 1], turn[:, 0])
     grid = 2 * np.pi / 4096 * np.arange(4096)
     n = np.stack([np.cos(grid), np.sin(grid)], axis=1)
-    h = np.array([
-        scene.scale[k] * support(scene.shapes[scene.shape[k]], grid - angle[k]) for k in range(len(place))
-    ])
+    h = np.array([scene.scale[k] * support(scene.shapes[scene.shape[k]], grid - angle[k]) for k in range(len(place))])
     opposite = np.roll(h, -2048, axis=1)  # h(-n)
     for a in range(len(place)):
         for b in range(a + 1, len(place)):

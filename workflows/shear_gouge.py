@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
+from workflows import plots
 from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
@@ -221,7 +222,7 @@ def shear(sim, layer, recorder, params, report):
 
 
 def run(params, out, progress=None):
-    """Run the experiment; writes run.nc, grains.nc and summary.json to `out` and returns run.nc as a Dataset."""
+    """Run the experiment; writes run.nc, grains.nc, run.png and summary.json to `out`, returns run.nc."""
     return simulate(build(params), params, out, progress)
 
 
@@ -255,6 +256,7 @@ def simulate(scene, params, out, progress=None):
     figures = analyse(dataset, params)
     figures["grain_steps_per_second"] = Figure(rate, "s-1")
     figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    plots.plot_run(out)
     write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
     return dataset
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..errors import SimulationError
-from ..runtime import ti
+from ..runtime import ti, when_allocated
 from .pairs import Pairs
 
 # Cells per axis of the sparse grid: two pointer levels over dense blocks, all powers of two (a struct-for over
@@ -11,6 +11,25 @@ from .pairs import Pairs
 # which costs candidates but loses none, because every candidate's distance is tested.
 LEVELS = {2: (64, 16, 8), 3: (16, 16, 4)}
 SORT_INTERVAL = 20  # rebuilds between two re-sortings of the grains along the cells
+
+
+_heads: dict = {}
+
+
+def sparse_heads(dim):
+    """(head, top) of the process's only sparse grid of this dimension: first grain of each cell, and its tree.
+
+    All simulations share it, because each fills it anew before it searches. Taichi cannot give a sparse tree back,
+    and keeps its allocators in a table of 1024 nodes: trees declared late would be written beyond its end.
+    """
+    for each in (2, 3) if not _heads else ():
+        axes = ti.ij if each == 2 else ti.ijk
+        top, middle, block = LEVELS[each]
+        head = ti.field(ti.i32)  # slot + 1, 0 in an empty cell
+        tree = ti.root.pointer(axes, top)
+        tree.pointer(axes, middle).dense(axes, block).place(head)
+        _heads[each] = (head, tree)
+    return _heads[dim]
 
 
 @ti.data_oriented
@@ -21,11 +40,7 @@ class SparseGrid:
         self.domain = domain
         self.dim = domain.dim
         self.extent = int(np.prod(LEVELS[self.dim]))
-        axes = ti.ij if self.dim == 2 else ti.ijk
-        top, middle, block = LEVELS[self.dim]
-        self.head = ti.field(ti.i32)  # slot + 1 of the first grain of the cell, 0 if there is none
-        self.top = ti.root.pointer(axes, top)
-        self.top.pointer(axes, middle).dense(axes, block).place(self.head)
+        self.head, self.top = sparse_heads(self.dim)
         self.next = ti.field(ti.i32, grain_capacity)
         self.cells = ti.field(ti.i32, self.dim)
         self.inverse_width = ti.field(ti.f64, self.dim)
@@ -86,12 +101,16 @@ class NeighbourSearch:
         self.domain = domain
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
-        self.skin[None] = skin
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.trouble = ti.field(ti.i32, 2)  # 1 + id of a grain at a position that is no number; of a crushed platen
         self.searches = 0
-        self.grid.set_width(2.0 * float(grains.column("radius").max()) + skin)
+        when_allocated(lambda: self.set_skin(skin))
+
+    def set_skin(self, skin):
+        """Choose the skin [m] and cells that suit it and the largest grain; the radii must be known."""
+        self.skin[None] = skin
+        self.grid.set_width(2.0 * float(self.grains.column("radius").max()) + skin)
 
     @ti.func
     def near(self, k, l):

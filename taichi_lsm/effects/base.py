@@ -32,7 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..runtime import current, ti
+from ..runtime import current, ti, when_allocated
 
 PHASES = ("normal", "damping", "tangential", "body")
 
@@ -131,7 +131,7 @@ class Effect:
         twin = copy.copy(self)
         for name, value in twin.parameters().items():
             setattr(twin, f"{name}_", ti.field(current().real, np.size(value)))
-        twin.write_parameters(self)
+        when_allocated(lambda: twin.write_parameters(self))
         return twin
 
     def write_parameters(self, source):

@@ -96,12 +96,17 @@ def overlapping_pairs(rng, table):
             reach += (depth[p] - wanted[p]) / (unit(angle[p]) @ towards[p])
         c[p] = reach * towards[p]
     centre = 6.0 * np.stack(np.divmod(np.arange(PAIRS), 40), axis=1)
-    return {
-        "position": np.stack([centre, centre + c], axis=1).reshape(-1, 2),
-        "shape": shape.ravel(),
-        "scale": scale.ravel(),
-        "angle": turn.ravel(),
-    }, depth, angle, c
+    return (
+        {
+            "position": np.stack([centre, centre + c], axis=1).reshape(-1, 2),
+            "shape": shape.ravel(),
+            "scale": scale.ravel(),
+            "angle": turn.ravel(),
+        },
+        depth,
+        angle,
+        c,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +127,8 @@ def test_depth_and_normal_are_those_of_the_least_separation(pairs):
     assert np.all(expected > 0)
     assert np.abs(depth - expected).max() < scenes.tolerance(1e-12, 1e-5)
     # s is stationary at the minimum, so the brute-force angle is good to sqrt(1e-15 d/curvature radius) only
-    assert np.abs(n - unit(angle)).max() < 1e-6
-    assert np.linalg.norm(n, axis=1) == pytest.approx(1.0, abs=1e-15)
+    assert np.abs(n - unit(angle)).max() < scenes.tolerance(1e-6, 1e-3)
+    assert np.linalg.norm(n, axis=1) == pytest.approx(1.0, abs=scenes.tolerance(1e-15, 1e-6))
     # the contact point lies in the middle of the overlap: depth/2 inside either surface along n
     for which, arm, side in ((0, arm_k, 1), (1, arm_l, -1)):
         outward = side * n
@@ -133,8 +138,8 @@ def test_depth_and_normal_are_those_of_the_least_separation(pairs):
             h = support_of(sim, arguments, 2 * p + which, step)
             slope = 0.5e5 * (h[2] - h[0])  # h'(angle) is the place of the surface point along the tangent
             along = outward[p, 0] * on_surface[p, 1] - outward[p, 1] * on_surface[p, 0]
-            assert abs(on_surface[p] @ outward[p] - h[1]) < 1e-12 and abs(along - slope) < 1e-4
-    assert np.abs(arm_k - arm_l - c).max() < 1e-12
+            assert abs(on_surface[p] @ outward[p] - h[1]) < scenes.tolerance(1e-12, 1e-5) and abs(along - slope) < 1e-3
+    assert np.abs(arm_k - arm_l - c).max() < scenes.tolerance(1e-12, 1e-5)
 
 
 def support_of(sim, arguments, grain, angle):

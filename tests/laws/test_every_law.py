@@ -16,7 +16,9 @@ COUNT = 1000
 NUMBERS = ("depth", "approach", "spin_about_normal", "mass", "dt", "normal_force", "stiffness")
 VECTORS = ("normal", "slip", "tangential_force")
 LAWS = {name: cls for name, cls in find_effects().items()}
-CASES = [(cls, i, dim) for cls in LAWS.values() if cls.phase != "body" for i in range(len(cls.cases())) for dim in (2, 3)]
+CASES = [
+    (cls, i, dim) for cls in LAWS.values() if cls.phase != "body" for i in range(len(cls.cases())) for dim in (2, 3)
+]
 IDS = [f"{effect_name(cls)}-{i}-{dim}D" for cls, i, dim in CASES]
 # Velocities of a thousand contacts, with elastic forces from this spring: [N m-1], [s], [m]
 SPRING, DT, DEPTH = 1.0e3, 1.0e-3, 1.0e-2
@@ -142,7 +144,8 @@ def check_normal_force_is_the_slope_of_the_energy(bench, inputs):
     force = bench(**inputs | {"depth": depth, "normal_force": 0.0})["normal_force"]
     high, low = (bench(**inputs | {"depth": depth + s * h, "normal_force": 0.0})["energy"] for s in (1, -1))
     assert np.all(force > 0)
-    assert (high - low) / (2 * h) == pytest.approx(force, rel=tolerance(1e-7, 1e-2))
+    rounding = tolerance(1e-9, 1e-3) * force.max()
+    assert (high - low) / (2 * h) == pytest.approx(force, rel=tolerance(1e-7, 1e-2), abs=rounding)
 
 
 def check_a_parted_contact_is_cleared(bench, rng, dim):
@@ -203,7 +206,7 @@ def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
     assert np.all(spent >= -tolerance(1e-12, 1e-4) * work_size)
     if not dissipates:
         assert np.all(spent == 0.0)
-    elif work_size.max() > 0.0:
+    elif work_size.max() > 1e-6 * SPRING * DEPTH**2:  # not a law that its case turns off
         assert (spent > 0.01 * work_size).mean() > 0.9
 
 
@@ -221,10 +224,14 @@ def check_force_turns_with_the_frame(bench, inputs, turn):
     first, second = two_steps(bench, inputs), two_steps(bench, turned)
     for name in ("normal_force", "lost", "energy"):
         scale = np.abs(first[name]).max()
-        assert second[name] == pytest.approx(first[name], rel=tolerance(1e-11), abs=tolerance(1e-13, 1e-5) * scale), name
+        assert second[name] == pytest.approx(first[name], rel=tolerance(1e-11), abs=tolerance(1e-13, 1e-5) * scale), (
+            name
+        )
     expected = np.einsum("cij,cj->ci", turn, first["tangential_force"])
     scale = np.abs(expected).max()
-    assert second["tangential_force"] == pytest.approx(expected, rel=tolerance(1e-10), abs=tolerance(1e-12, 1e-5) * scale)
+    assert second["tangential_force"] == pytest.approx(
+        expected, rel=tolerance(1e-10), abs=tolerance(1e-12, 1e-5) * scale
+    )
 
 
 def check_nothing_is_finite(bench, inputs):

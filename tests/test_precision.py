@@ -1,0 +1,19 @@
+"""Single precision: geometry and forces in f32 meet the same laws, in a test process of their own."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = ("laws/test_every_law.py", "contact/test_chain_contact.py", "physics/test_conservation.py")
+CHOICE = "(test_contract and -0-) or least_separation or momenta"
+
+
+def test_key_tests_pass_in_f32():
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", CHOICE]
+    command += [str(ROOT / "tests" / file) for file in FILES]
+    environment = os.environ | {"LSM_TEST_PRECISION": "f32"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert "9 passed" in done.stdout
