@@ -19,7 +19,8 @@ from benchmarks.ours import Worker
 RESULTS = Path(__file__).parent / "results.json"
 WARM_UP = 200  # steps before the first turn
 GRAIN_STEPS = 4e6  # per timed turn
-MARGINS = {"contacts_per_grain": 0.02, "pressure": 0.05, "translational_energy": 0.10}  # of the two codes
+# Between the two codes after the warm-up. Later, motions part as in any chaotic system and figures fluctuate.
+MARGINS = {"contacts_per_grain": 0.03, "pressure": 0.01, "translational_energy": 0.05}
 
 
 def steps_of(state):
@@ -36,18 +37,22 @@ def measure_scene(tag, threads, precisions, turns):
     theirs = []
     with ExitStack() as stack:
         workers = {c: stack.enter_context(Worker(tag, c[0], threads, c[1])) for c in choices}
+        early = lammps.run(state, threads, 0, WARM_UP)
         for worker in workers.values():
             worker.ask(f"run {WARM_UP}")
+        figures = {c: worker.ask("measure") for c, worker in workers.items()}
         for turn in range(turns):
             theirs.append(lammps.run(state, threads, WARM_UP + turn * steps, steps))
             for choice, worker in workers.items():
                 ours[choice].append(worker.ask(f"run {steps}"))
-        figures = {c: worker.ask("measure") for c, worker in workers.items()}
+        late = {c: worker.ask("measure") for c, worker in workers.items()}
     size = {"grains": grains, "steps": steps, "turns": turns}
     clocks = ("seconds", "cpu_seconds") if threads == 1 else ("seconds",)
     rows = {}
     for p in precisions:
-        entry = agreement(figures[p, False], theirs[-1]) | size
+        entry = agreement(figures[p, False], early) | size
+        entry["ours_end"] = late[p, False]
+        entry["lammps_end"] = {name: theirs[-1][name] for name in late[p, False]}
         for clock in clocks:
             mine, extras, other = (
                 [turn[clock] * 1e9 / (steps * grains) for turn in turns_of]
@@ -77,7 +82,7 @@ def times(ours, with_extras, theirs, clock=""):
 
 
 def agreement(figures, other):
-    """The same figures of both codes after the last turn, and whether they agree within the margins."""
+    """The same figures of both codes at one step, and whether they agree within the margins."""
     return {
         "ours": figures,
         "lammps": {name: other[name] for name in figures},
@@ -94,7 +99,7 @@ def table(results):
     for name, r in results.items():
         a, b = r["ours"], r["lammps"]
         processor = f"{r['cpu_ratio']:.2f}" if "cpu_ratio" in r else "-"
-        contacts = f"{a['contacts_per_grain']:.2f} / {b['contacts_per_grain']:.2f}"
+        contacts = f"{r['ours_end']['contacts_per_grain']:.2f} / {r['lammps_end']['contacts_per_grain']:.2f}"
         lines.append(
             f"| {name} | {r['ours_ns']:.0f} | {r['lammps_ns']:.0f} | {r['ratio']:.2f} | {r['ratio_min']:.2f} "
             f"| {r['ratio_extras']:.2f} | {processor} | {contacts} "
@@ -109,6 +114,7 @@ def main():
     parser.add_argument("--quick", action="store_true", help="10000 grains, 1 thread, f64, 3 turns")
     parser.add_argument("--turns", type=int, default=None, help="turns per scene (default 5, quick 3)")
     parser.add_argument("--scenes", nargs="+", choices=scenes.TAGS, default=None, help="only these scenes")
+    parser.add_argument("--threads", nargs="+", type=int, default=None, help="threads (default 1 2, quick 1)")
     parser.add_argument("--install-lammps", action="store_true", help="apt-get install lammps first, as root")
     args = parser.parse_args()
     if lammps.find() is None and args.install_lammps:
@@ -116,7 +122,7 @@ def main():
     if lammps.find() is None:
         raise SystemExit(f"{lammps.HOW_TO_INSTALL}, or run again with --install-lammps as root.")
     tags = args.scenes or (["S2_10000", "S3_10000"] if args.quick else scenes.TAGS)
-    threads = [1] if args.quick else [n for n in (1, 2) if n <= (os.cpu_count() or 1)]
+    threads = args.threads or ([1] if args.quick else [n for n in (1, 2) if n <= (os.cpu_count() or 1)])
     precisions = ["f64"] if args.quick else ["f64", "f32"]
     turns = args.turns or (3 if args.quick else 5)
     results = {}
@@ -126,9 +132,10 @@ def main():
             results |= measure_scene(tag, n, precisions, turns)
             RESULTS.write_text(json.dumps(results, indent=1) + "\n", encoding="ascii")
     print("\nns per grain and step, medians of the turns; ratio = ours / LAMMPS, below 1 we are faster.")
-    print("With extras: ours also books dissipated energy and corrects the onset of contacts, LAMMPS does not.")
+    print("With extras: ours also books dissipated energy and corrects the onset of contacts.")
     print("Processor: the ratio of processor times, which hardly feels what else the machine does.")
-    print("Contacts per grain and pressure after the last turn, ours / LAMMPS; (!) if they do not agree.\n")
+    print("Contacts per grain after the last turn and pressure after the warm-up, ours / LAMMPS; (!) if the")
+    print("figures after the warm-up do not agree.\n")
     print(table(results))
 
 

@@ -57,7 +57,7 @@ def load(tag) -> State:
 def build(state, extras=False, parallel=None) -> lsm.Scene:
     """Our scene: plain velocity Verlet, as LAMMPS. parallel: see lsm.Scene.
 
-    extras: what we do by default and LAMMPS does not, the ledger of dissipated energy and the onset correction.
+    extras: what LAMMPS does not do and we do by default: book dissipated energy, correct the onset of contacts.
     """
     dim = state.dim
     still = [lsm.Fixed()] * dim

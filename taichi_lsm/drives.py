@@ -74,7 +74,7 @@ class ServoStress:
     stiffness: float
     inertia: float
     speed_limit: float
-    damping_ratio: float = 0.5
+    damping_ratio: float = 0.2
 
     def __post_init__(self):
         _require(np.isfinite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
@@ -192,13 +192,15 @@ class Platens:
         g.position[k] += v * dt
 
     @ti.func
-    def gather(self, forces: ti.template()):
-        """Sum the contact forces on each platen, in rising ids of its grains."""
+    def gather(self, forces: ti.template(), dt):
+        """Sum the contact forces on each platen, in rising ids of its grains; impulses count as force over dt."""
         for p in ti.static(range(self.count)):
             total = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
             for m in range(ti.static(self.first[p]), ti.static(self.first[p + 1])):
                 force, torque, kick, twist = forces.gathered(self.grains.slot_of[self.member[m]])
                 total += force
+                if ti.static(forces.onset):
+                    total += kick / dt
             self.force[p] = total
             self.force_sum[p] += total
             self.force_square_sum[p] += total * total

@@ -95,7 +95,7 @@ class VelocityVerlet:
     @ti.func
     def close_step(self):
         if ti.static(self.driven):
-            self.platens.gather(self.forces)
+            self.platens.gather(self.forces, self.dt[None])
 
     @ti.kernel
     def steps_serial(self, steps: ti.i32):

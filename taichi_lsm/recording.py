@@ -37,7 +37,7 @@ class LayerRecorder:
             _constants(sim.scene),
             static_rows(dim),
             snapshot_rows(dim, rotates=sim.rotates, oriented=oriented),
-            attributes,
+            attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
         )
 
     def row(self, stage):

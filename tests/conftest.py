@@ -1,19 +1,90 @@
-"""One Taichi per test process, and a few simulations that many tests share: each costs seconds to compile."""
+"""Every test module runs in a process of its own, with one Taichi; costly simulations are shared inside a module.
+
+Taichi 1.7 numbers all nodes of a process in a table of 1024 and writes past its end without a word; a simulation
+takes 100 to 250 of them. Taichi cannot be started afresh in one process while sparse fields exist. So a module is
+a fork of the test process, which never loads Taichi itself. A module that crashes is one failed test.
+"""
+
+import os
+import pickle
+import sys
+import warnings
 
 import pytest
+from _pytest.runner import runtestprotocol
 
 from tests import scenes
+
+MOST_NODES = 1024
+
+_reports = {}  # of the present module, by test
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    """Report a test; the first one of a module runs the module first."""
+    if not hasattr(os, "fork") or item.config.getoption("usepdb"):
+        return None
+    if item.nodeid not in _reports:
+        same = [other for other in item.session.items if other.path == item.path]
+        _reports.update(run_in_fork(item.config, same[same.index(item) :]))
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for report in _reports.pop(item.nodeid):
+        item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
+
+
+def run_in_fork(config, items):
+    """{test: reports} of these tests; if the process dies, the test it died in has failed and the rest are missing."""
+    folder = config._tmp_path_factory.getbasetemp()  # made here, for all modules
+    os.environ["LSM_TEST_FOLDER"] = str(folder)
+    file = folder / "reports.pickle"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # threads of numerical libraries sleep through a fork
+        child = os.fork()
+    if child == 0:
+        run_and_exit(config, items, file)
+    _, status = os.waitpid(child, 0)
+    found = {}
+    with open(file, "rb") as reports:
+        while True:
+            try:
+                nodeid, data = pickle.load(reports)
+            except (EOFError, pickle.UnpicklingError):
+                break
+            found[nodeid] = [config.hook.pytest_report_from_serializable(config=config, data=d) for d in data]
+    missing = next((item for item in items if item.nodeid not in found), None)
+    if missing:
+        text = f"the process of {missing.path.name} died with status {status}"
+        found[missing.nodeid] = [pytest.TestReport(missing.nodeid, missing.location, {}, "failed", text, "call")]
+    return found
+
+
+def run_and_exit(config, items, file):
+    """The child: every test's reports go to the file as soon as it is over."""
+    with open(file, "wb") as reports:
+        for item, following in zip(items, [*items[1:], None]):
+            done = runtestprotocol(item, log=False, nextitem=following)
+            data = [config.hook.pytest_report_to_serializable(config=config, report=report) for report in done]
+            pickle.dump((item.nodeid, data), reports)
+            reports.flush()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 @pytest.fixture(scope="session")
 def runtime():
     """Taichi on one CPU thread, f64 unless LSM_TEST_PRECISION=f32."""
-    from taichi_lsm.runtime import start
+    from taichi_lsm.runtime import start, ti
 
-    return start("cpu", scenes.PRECISION, 1)
+    yield start("cpu", scenes.PRECISION, 1)
+    nodes = ti.field(ti.i32, ()).snode.ptr.id
+    assert nodes < MOST_NODES, f"this module makes {nodes} nodes in simulations and fields: split it"
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def gallery(runtime):
     """gallery(name): a simulation of 48 packed grains, see `scenes.gallery_scene`; `scenes.reload` resets it."""
     made = {}

@@ -2,6 +2,10 @@
 
 import functools
 import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +13,7 @@ import taichi_lsm as lsm
 
 PRECISION = os.environ.get("LSM_TEST_PRECISION", "f64")
 STIFFNESS = 1e5
+FILL = {"discs": 0.88, "arcs": 0.90}  # part of the box that a packing fills: a few per cent of overlap
 
 
 def tolerance(f64, f32=1e-4):
@@ -96,27 +101,36 @@ def gallery_scene(name):
     return scene(effects=effects, **packing(body))
 
 
-@functools.cache
-def packing(body, count=48, seed=1, fill=None):
+def packing(body, count=48, seed=1):
     """Arguments of `scene` for a dense periodic packing of "discs" or of angular "arcs", found by slow growth."""
     rng = np.random.default_rng(seed)
     shapes = [lsm.disc()] if body == "discs" else lsm.random_angular_shapes(8, seed)
     scale = rng.uniform(0.8, 1.2, count)
-    fill = fill or (0.88 if body == "discs" else 0.90)
-    side = float(np.sqrt(0.25 * np.pi * (scale**2).sum() / fill))
+    side = float(np.sqrt(0.25 * np.pi * (scale**2).sum() / FILL[body]))
     rows = int(np.ceil(np.sqrt(count)))
     lattice = np.stack(np.divmod(rng.permutation(rows * rows)[:count], rows), axis=1)
-    place = (lattice + 0.5 + rng.uniform(-0.05, 0.05, (count, 2))) * (side / rows)
-    arguments = {
-        "position": place,
+    loose = {
+        "position": (lattice + 0.5 + rng.uniform(-0.05, 0.05, (count, 2))) * (side / rows),
         "shapes": shapes,
         "shape": np.arange(count) % len(shapes),
         "scale": scale,
-        "angle": rng.uniform(0, 2 * np.pi, count) if body == "arcs" else None,
+        "angle": rng.uniform(0, 2 * np.pi, count),
         "lengths": (side, side),
         "periodic": (True, True),
     }
-    return arguments | grown(arguments)
+    return loose | grown_elsewhere(body, count, seed) if __name__ != "__main__" else loose
+
+
+@functools.cache
+def grown_elsewhere(body, count, seed):
+    """position and angle of the packing, made in a process of its own: its Taichi leaves no fields in ours."""
+    root = Path(__file__).resolve().parents[1]
+    file = Path(os.environ.get("LSM_TEST_FOLDER") or tempfile.mkdtemp()) / f"packing-{body}-{count}-{seed}.npz"
+    if not file.exists():
+        command = [sys.executable, "-m", "tests.scenes", body, str(count), str(seed), str(file)]
+        subprocess.run(command, cwd=root, check=True, env=os.environ | {"LSM_TEST_PRECISION": "f64"})
+    with np.load(file) as arrays:
+        return dict(arrays)
 
 
 def grown(arguments, stages=60, steps=200):
@@ -137,3 +151,7 @@ def grown(arguments, stages=60, steps=200):
         turn = sim.state.orientation.to_numpy()
         state["angle"] = np.arctan2(turn[:, 1], turn[:, 0])
     return state
+
+
+if __name__ == "__main__":
+    np.savez(sys.argv[4], **grown(packing(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))))

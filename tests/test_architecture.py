@@ -24,8 +24,8 @@ LAYERS = [
     {"effects", "contact"},
     {"forces"},
     {"integrators", "drives", "diagnostics", "analysis", "output", "output_grains", "output_rows", "checkpoint"},
-    {"simulation"},
-    {"layer"},
+    {"simulation", "energy_file"},
+    {"layer", "shadow"},
     {"recording"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

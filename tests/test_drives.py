@@ -16,7 +16,7 @@ START = np.array([(0.0, 0.0), (0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (20.0, 0.0), (
 
 
 def servo(stress):
-    return lsm.ServoStress(stress, 1, K / 3, INERTIA, LIMIT)
+    return lsm.ServoStress(stress, 1, K / 3, INERTIA, LIMIT, damping_ratio=0.5)
 
 
 @pytest.fixture(scope="module")

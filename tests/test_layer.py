@@ -22,7 +22,7 @@ def consolidated(runtime):
     scale = np.where(mobile, rng.uniform(0.7, 0.8, len(position)), 0.95)
     area = pitch * COLUMNS
     mass = 1000.0 * np.pi / 4 * (scale**2).sum()
-    servo = lsm.ServoStress(STRESS, 1, K * COLUMNS / ROWS, 0.1 * mass, 1.0)
+    servo = lsm.ServoStress(STRESS, 1, K * COLUMNS / ROWS, 0.1 * mass, 1.0, damping_ratio=0.5)
     sim = scenes.simulate(
         scenes.scene(
             position,

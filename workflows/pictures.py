@@ -22,14 +22,14 @@ class Snapshot(NamedTuple):
     period: float  # along x [mm]
 
 
-def read_snapshot(path, lengths, index=-1):
+def read_snapshot(path, index=-1):
     """Snapshot `index` of the file grains.nc at `path`; in 3D the section through the middle of the width.
 
-    lengths [m]: of the periodic axes, (Lx,) in 2D and (Lx, Lz) in 3D; the positions on file are unwrapped.
+    The positions on file are unwrapped; the file names the lengths of the periodic axes.
     """
     grains = lsm.open_run(Path(path))
     now = grains.isel(time=index)
-    period = [1e3 * length for length in lengths]
+    period = 1e3 * np.atleast_1d(grains.attrs["periodic_lengths"])
     position, velocity, glued = 1e3 * now.position.values, now.velocity.values[:, 0], now.kind.values == 1
     height = position[:, 1]
     platen_velocity = velocity[glued & (height > height.mean())].mean()

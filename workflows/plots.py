@@ -6,6 +6,7 @@ matplotlib is imported when something is drawn. The colours, of Okabe and Ito, s
 import tomllib
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def plot_run(out):
     with _figure(out / "run.png", (11, 8)) as figure:
         (friction, packing), (thickness, energy) = figure.subplots(2, 2)
         _draw_friction(friction, sheared, params)
-        drawn = draw_packing(packing, read_snapshot(out / "grains.nc", params.layer[1]))
+        drawn = draw_packing(packing, read_snapshot(out / "grains.nc"))
         packing.set_title(f"(b) layer at strain {float(sheared.shear_strain[-1]):.2g}")
         figure.colorbar(drawn, ax=packing, extend="both").set_label(BAR, fontsize=8.8)
         _draw_thickness(thickness, sheared, COLOUR[params.shape])
@@ -78,8 +79,8 @@ def plot_comparison(out):
         for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
             axes.set_title(f"({letter}) no complete run of {_name(shape)}")
             if shape in series:
-                params, last = _params(series[shape][0]), float(series[shape][0].shear_strain[-1])
-                drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc", params.layer[1]))
+                last = float(series[shape][0].shear_strain[-1])
+                drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc"))
                 axes.set_title(f"({letter}) layer of {_name(shape)} at strain {last:.2g}", color=COLOUR[shape])
         if drawn:
             limits = [axes.get_ylim() for axes, shape in zip(layers, COLOUR, strict=True) if shape in series]
@@ -93,9 +94,7 @@ def plot_comparison(out):
 
 def _params(dataset):
     """The parameters of a run of shear-gouge, as its file tells them."""
-    from workflows import shear_gouge  # here: it draws its runs with this module
-
-    return shear_gouge.Params(**tomllib.loads(dataset.config_toml))
+    return SimpleNamespace(**tomllib.loads(dataset.config_toml))
 
 
 def _sheared(dataset):

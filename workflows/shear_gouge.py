@@ -20,6 +20,7 @@ from workflows.summary import Figure, write_summary
 SAMPLES_PER_ROW = 10
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
+LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
 BOUNDS = {  # what is claimed of the figures of a run, as absolute values
@@ -144,7 +145,7 @@ def build(params) -> "lsm.Scene":
         stress=p.normal_stress,
         outward=1,
         stiffness=p.stiffness * float(np.prod(lengths)) / d ** (dim - 2) / thickness,
-        inertia=max(glued_mass, 0.1 * layer_mass),
+        inertia=max(glued_mass, LEAST_INERTIA * layer_mass),
         speed_limit=LARGEST_SPEED * d / p.inertial_time,
     )
     still = [lsm.Fixed()] * (dim - 2)

@@ -209,7 +209,7 @@ def test_morton_code_orders_a_square_in_z():
     assert morton_code(np.array([(1, 1, 1), (0, 0, 2)])).tolist() == [7, 32]
 
 
-def test_simulation_finds_contacts_when_its_list_overflows(gallery):
+def test_simulation_finds_contacts_when_its_list_overflows(runtime):
     """A loose state fits the first list; brought together the grains need a larger one, and nothing is lost."""
     loose = 3.0 * np.stack(np.divmod(np.arange(64), 8), axis=1)
     sim = scenes.simulate(scenes.scene(loose, [lsm.LinearElastic(1.0)], skin=1.2))

@@ -306,7 +306,7 @@ def test_body_force_is_minus_the_slope_of_its_energy(name):
         position = rng.standard_normal((COUNT, dim))
         bench.inverse_mass.from_numpy(10 ** rng.uniform(-2, 2, COUNT))
 
-        def energy(x):
+        def energy(x, bench=bench):
             bench.position.from_numpy(x)
             bench.launch()
             return bench.energy.to_numpy()

@@ -12,7 +12,7 @@ STEPS = 500
 def packed_discs(shapes, shape, count=200):
     """A dense, moving packing of frictional, damped discs."""
     rng = np.random.default_rng(8)
-    arguments = dict(scenes.packing("discs", count, seed=3))
+    arguments = scenes.packing("discs", count, seed=3)
     return scenes.scene(
         effects=scenes.frictional(),
         velocity=0.3 * rng.standard_normal((count, 2)),

@@ -21,7 +21,7 @@ def test_outlines_have_the_area_of_the_grains(sheared, shape):
     folder, params, _ = sheared(shape)
     grains = lsm.open_run(folder / "grains.nc")
     exact = float(grains.mass.sum()) / (params.density * params.diameter)
-    snapshot = pictures.read_snapshot(folder / "grains.nc", params.layer[1])
+    snapshot = pictures.read_snapshot(folder / "grains.nc")
     assert drawn_area(snapshot) * 1e-6 == pytest.approx(exact, rel=0.02)  # chords lie inside the arcs
 
 
@@ -41,7 +41,7 @@ def test_grains_hardly_overlap_in_their_places(sheared):
     """Wrong orientations or positions would make the outlines of angular grains cross."""
     shapely = pytest.importorskip("shapely")
     folder, params, _ = sheared("angular")
-    snapshot = pictures.read_snapshot(folder / "grains.nc", params.layer[1])
+    snapshot = pictures.read_snapshot(folder / "grains.nc")
     polygons = [shapely.Polygon(o + p) for o, p, glued in zip(*snapshot[:2], snapshot.glued, strict=True) if not glued]
     together = shapely.union_all(polygons).area
     assert together == pytest.approx(sum(p.area for p in polygons), rel=2e-3)
@@ -49,7 +49,7 @@ def test_grains_hardly_overlap_in_their_places(sheared):
 
 def test_positions_are_wrapped_and_velocities_relative_to_the_platen(sheared):
     folder, params, _ = sheared("sphere")
-    snapshot = pictures.read_snapshot(folder / "grains.nc", params.layer[1])
+    snapshot = pictures.read_snapshot(folder / "grains.nc")
     assert snapshot.period == pytest.approx(10 * 1e3 * params.diameter)
     assert np.all((snapshot.position[:, 0] >= 0) & (snapshot.position[:, 0] < snapshot.period))
     upper = snapshot.glued & (snapshot.position[:, 1] > snapshot.position[:, 1].mean())
