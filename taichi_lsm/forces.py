@@ -189,7 +189,11 @@ class ContactForces:
         v = ti.cast(g.velocity[l] - g.velocity[k], self.real)
         if ti.static(self.rotates):
             omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
-            v += self.spin_difference(omega_k, omega_l, arm_k, arm_l)
+            if ti.static(self.shaped):
+                v += self.spin_difference(omega_k, omega_l, arm_k, arm_l)
+            else:  # both arms lie along the normal
+                a, b = g.radius[k] - 0.5 * depth, g.radius[l] - 0.5 * depth
+                v -= spin_velocity(a * omega_k + b * omega_l, n)
             if ti.static(self.dim == 3):
                 contact.spin_about_normal = 0.5 * n.dot(omega_k + omega_l)
         v_n = v.dot(n)
@@ -231,6 +235,21 @@ class ContactForces:
         return kick
 
     @ti.func
+    def near_pairs(self, k):
+        """Write the row's slots whose bounding spheres meet, or that have a past, to `pairs.near`, from the start of
+        the row on; returns the end. No branch depends on a distance: many of them would be mispredicted.
+        """
+        g, pairs = self.grains, self.pairs
+        end = pairs.row_start[k]
+        for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
+            l = pairs.partner[s]
+            d = self.shortest(k, l)
+            meet = d.dot(d) < (g.radius[k] + g.radius[l]) ** 2
+            pairs.near[end] = s
+            end += ti.cast(meet, ti.i32) | ti.cast(pairs.status[s] != 0, ti.i32)
+        return end
+
+    @ti.func
     def row(self, k, dt):
         """Evaluate the contacts in grain k's row and store their forces; pairs are oriented from the lower id.
 
@@ -241,7 +260,8 @@ class ContactForces:
         torque = ti.Vector([ti.cast(0.0, self.real)] * g.sizes["spin"])
         push, twist = 0.0 * force, 0.0 * torque
         spent = ti.Vector([ti.cast(0.0, ti.f64)] * self.book_count)
-        for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
+        for c in range(pairs.row_start[k], self.near_pairs(k)):
+            s = pairs.near[c]
             l = pairs.partner[s]
             d = self.shortest(k, l)
             was = pairs.status[s]
@@ -264,8 +284,13 @@ class ContactForces:
                 pairs.pair_force[s] = f
                 force -= f
                 if ti.static(self.rotates):
-                    pairs.pair_torque[s] = torque_of(arm_l, f)
-                    torque -= torque_of(arm_k, f)
+                    if ti.static(self.shaped):
+                        pairs.pair_torque[s] = torque_of(arm_l, f)
+                        torque -= torque_of(arm_k, f)
+                    else:
+                        turning = torque_of(n, contact.tangential_force)
+                        pairs.pair_torque[s] = -(g.radius[l] - 0.5 * depth) * turning
+                        torque -= (g.radius[k] - 0.5 * depth) * turning
                 status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
                 if ti.static(self.onset):
                     kick = self.onset_kick(contact, s, was, depth, arm_k, arm_l)
@@ -303,13 +328,11 @@ class ContactForces:
                 twist = ti.cast(g.twist[k], ti.f64)
         for c in range(pairs.column_start[k], pairs.column_start[k + 1]):
             s = pairs.column[c]
-            status = pairs.status[s]
-            if status & TOUCHING:
-                force += pairs.pair_force[s]
-                if ti.static(self.rotates):
-                    torque += pairs.pair_torque[s]
+            force += pairs.pair_force[s]  # zero where the pair is apart: a branch would often be mispredicted
+            if ti.static(self.rotates):
+                torque += pairs.pair_torque[s]
             if ti.static(self.onset):
-                if status & KICKED:
+                if pairs.status[s] & KICKED:
                     kick += pairs.pair_kick[s]
                     if ti.static(self.rotates):
                         twist += pairs.pair_twist[s]

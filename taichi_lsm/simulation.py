@@ -189,7 +189,8 @@ class Simulation:
         self.step = 0
         self.rebuilds = 0
         n = len(scene.position)
-        self.parallel = scene.parallel if scene.parallel is not None else n > SERIAL_LIMIT
+        several = n > SERIAL_LIMIT and self.runtime.threads > 1
+        self.parallel = several if scene.parallel is None else scene.parallel
         self.skin = scene.skin
         stable = scene.stable_dt() if scene.dt is None else None
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable

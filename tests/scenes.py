@@ -49,6 +49,9 @@ def reload(sim, dt=None, **columns):
     for name, values in columns.items():
         getattr(sim.state, name).from_numpy(values)
     sim.pairs.status.fill(0)
+    sim.pairs.pair_force.fill(0.0)
+    if sim.rotates:
+        sim.pairs.pair_torque.fill(0.0)
     if sim.pairs.history_size:
         sim.pairs.history.fill(0.0)
     if sim.pairs.shaped:

@@ -46,6 +46,7 @@ class Pairs:
         self.capacity = rounded_capacity(capacity)
         self.history_size = history
         self.shaped = shaped
+        self.rotates = rotates
         self.onset = onset
         self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2}
         self.variables = pair_variables(rotates, shaped, history, onset)
@@ -55,14 +56,15 @@ class Pairs:
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
+        self.near = ti.field(ti.i32, self.capacity)
         self.row_start = ti.field(ti.i32, grain_capacity + 1)
         self.column_start = ti.field(ti.i32, grain_capacity + 1)
         self.old_start = ti.field(ti.i32, grain_capacity + 1)
         self.cursor = ti.field(ti.i32, grain_capacity + 1)
 
     def bytes_per_pair(self):
-        """Memory of one list slot, the copy needed at a rebuild and the transpose included [bytes]."""
-        return bytes_per_row(self.variables, self.sizes) + bytes_per_row(self.kept, self.sizes) + 4
+        """Memory of one list slot, the copy needed at a rebuild, the transpose and the near pairs included [bytes]."""
+        return bytes_per_row(self.variables, self.sizes) + bytes_per_row(self.kept, self.sizes) + 8
 
     @ti.func
     def keep(self, s):
@@ -80,6 +82,9 @@ class Pairs:
     def restore(self, s, o):
         """Give slot `s` the memory of old slot `o`, or an empty one if o < 0."""
         self.status[s] = 0
+        self.pair_force[s] = ti.Vector([0.0] * self.sizes["space"])
+        if ti.static(self.rotates):
+            self.pair_torque[s] = ti.Vector([0.0] * self.sizes["spin"])
         if ti.static(self.shaped):
             self.feature[s] = ti.Vector([-1, -1])  # not known yet
         if ti.static(self.history_size > 0):

@@ -9,11 +9,11 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
         def parameters(self)             {name: value}: become 0-d fields `self.<name>_`, readable in kernels
         on_contact(self, contact, history) -> energy dissipated in this step [J]
         contact_energy(self, contact, history) -> energy stored now [J]
-        on_grain(self, inverse_mass) -> force [N] on a mobile grain (phase "body")
+        on_grain(self, inverse_mass, force) adds to the force [N] on a mobile grain (phase "body")
+        grain_energy(self, inverse_mass, position) -> potential energy [J] of a grain (phase "body")
         onset_impulse(self, speed, fraction, dt) -> impulse [N s] that pushes the grains apart (phase "normal")
         tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
         stable_dt(self, bodies) -> largest stable step of this law alone [s], host
-        reach(self) -> extra distance at which pairs are kept [m], host
         cases(cls) -> instances that the contract tests try
 
 `onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a
@@ -121,10 +121,6 @@ class Effect:
     def stable_dt(self, bodies):
         """Largest stable time step of this law alone [s]."""
         return np.inf
-
-    def reach(self):
-        """Extra distance between surfaces at which the law still acts [m]."""
-        return 0.0
 
     def bound(self, **context):
         """Copy whose parameters live in Taichi fields `<name>_`, so that one compilation serves all values."""
