@@ -66,6 +66,8 @@ def current() -> Runtime:
     return _current or start()
 
 
+MOST_NODES = 1024  # of a process, all fields together; fixed in Taichi
+
 _pending: list | None = None
 
 
@@ -73,18 +75,29 @@ _pending: list | None = None
 def allocating():
     """Within this block fields are only declared; what is to be written to them waits until it ends.
 
-    Taichi closes a memory tree at the first access to any field. A process has room for 512 trees and every tree is
-    compiled, so that a simulation should declare all its fields before it touches one.
+    Taichi closes a memory tree at the first access to any field. A process has room for 512 trees and 1024 nodes and
+    every tree is compiled, so that a simulation should declare all its fields before it touches one.
     """
     global _pending
     _pending = []
     try:
         yield
+        _refuse_overflow()
         waiting, _pending = _pending, None
         for write in waiting:
             write()
     finally:
         _pending = None
+
+
+def _refuse_overflow():
+    """Raise InputError if the declared fields overflow Taichi's table of nodes: it would write past its end."""
+    last = ti.field(ti.i32, ()).snode.ptr.id
+    if last >= MOST_NODES:
+        raise InputError(
+            f"this process has declared {last} Taichi nodes of {MOST_NODES}: there is no room for another simulation; "
+            "use Simulation.load for scenes of the same make-up, or a process of its own"
+        )
 
 
 def when_allocated(write):

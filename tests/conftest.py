@@ -5,8 +5,8 @@ takes 100 to 250 of them. Taichi cannot be started afresh in one process while s
 a fork of the test process, which never loads Taichi itself. A module that crashes is one failed test.
 """
 
+import json
 import os
-import pickle
 import sys
 import warnings
 
@@ -39,7 +39,7 @@ def run_in_fork(config, items):
     """{test: reports} of these tests; if the process dies, the test it died in has failed and the rest are missing."""
     folder = config._tmp_path_factory.getbasetemp()  # made here, for all modules
     os.environ["LSM_TEST_FOLDER"] = str(folder)
-    file = folder / "reports.pickle"
+    file = folder / "reports.jsonl"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # threads of numerical libraries sleep through a fork
         child = os.fork()
@@ -47,12 +47,9 @@ def run_in_fork(config, items):
         run_and_exit(config, items, file)
     _, status = os.waitpid(child, 0)
     found = {}
-    with open(file, "rb") as reports:
-        while True:
-            try:
-                nodeid, data = pickle.load(reports)
-            except (EOFError, pickle.UnpicklingError):
-                break
+    for line in file.read_text(encoding="utf-8").splitlines(keepends=True):
+        if line.endswith("\n"):  # else the process died while it wrote this line
+            nodeid, data = json.loads(line)
             found[nodeid] = [config.hook.pytest_report_from_serializable(config=config, data=d) for d in data]
     missing = next((item for item in items if item.nodeid not in found), None)
     if missing:
@@ -63,14 +60,16 @@ def run_in_fork(config, items):
 
 def run_and_exit(config, items, file):
     """The child: every test's reports go to the file as soon as it is over."""
-    with open(file, "wb") as reports:
+    with open(file, "w", encoding="utf-8") as reports:
         for item, following in zip(items, [*items[1:], None]):
             done = runtestprotocol(item, log=False, nextitem=following)
             data = [config.hook.pytest_report_to_serializable(config=config, report=report) for report in done]
-            pickle.dump((item.nodeid, data), reports)
+            reports.write(json.dumps([item.nodeid, data], default=str) + "\n")
             reports.flush()
     sys.stdout.flush()
     sys.stderr.flush()
+    if "taichi_lsm.runtime" in sys.modules:
+        sys.modules["taichi_lsm.runtime"].ti.reset()  # writes the compiled kernels to the cache
     os._exit(0)
 
 

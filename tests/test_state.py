@@ -87,7 +87,7 @@ def test_simulation_pays_only_for_its_effects(gallery, name):
     assert (sim.shapes is not None) == shaped
     assert sim.platens is None
     assert ("dissipated_coulomb_friction" in sim.measure.names) == frictional
-    # a slot of the list: its rows (with those of the onset correction), the copy kept over a rebuild, its transpose and near list
+    # a slot of the list: rows (with those of the onset correction), copy kept over a rebuild, transpose, near list
     onset = REAL + 2 * REAL + rotates * REAL
     rows = 3 * 4 + 2 * REAL + rotates * REAL + shaped * 8 + frictional * 2 * REAL + onset
     kept = 2 * 4 + shaped * 8 + frictional * 2 * REAL + REAL

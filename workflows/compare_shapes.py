@@ -34,6 +34,9 @@ COLUMNS = [
     lsm.Variable(
         "normal_stress_error", ("run",), "f64", "1", "mean normal stress on the platen over its target, less 1"
     ),
+    lsm.Variable(
+        "normal_stress_rms", ("run",), "f64", "1", "rms deviation of the platen's stress from its target, every step"
+    ),
     lsm.Variable("layer_thickness", ("run",), "f64", "m", "mean distance of the platens' reference planes"),
     lsm.Variable("porosity", ("run",), "f64", "1", "mean part of the layer not filled by mobile grains"),
     lsm.Variable("coordination_number", ("run",), "f64", "1", "mean number of contacts of a mobile grain"),
@@ -50,6 +53,7 @@ WORST = {
     "energy_residual_max": "energy_residual",
     "platen_bulk_difference_max": "platen_bulk_difference",
     "normal_stress_error_max": "normal_stress_error",
+    "normal_stress_rms_max": "normal_stress_rms",
 }
 
 
@@ -71,7 +75,7 @@ class Params(shear_gouge.Params):
             "steady_from": 0.5,
             "replicas": 2,
         },
-        "demo": {"layer_thickness": 20.0, "length": 28.0, "inertial_number": 2e-3, "strain": 3.0},
+        "demo": {"layer_thickness": 20.0, "length": 28.0, "inertial_number": 2.5e-3, "strain": 3.0},
         "standard": {"replicas": 5},
         "reference": {
             "length": 60.0,

@@ -1,0 +1,40 @@
+"""The verification experiment in small: files, figures, and the bounds that a small gas can meet."""
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows import energy_conservation
+
+SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 25, "samples": 20}
+
+
+def test_small_gas_keeps_its_energy_and_the_printed_scheme_does_not(tmp_path):
+    params = energy_conservation.Params(**SMALL)
+    table = energy_conservation.run(params, tmp_path)
+    assert {p.name for p in tmp_path.iterdir()} >= {
+        "energy.nc",
+        "drift.nc",
+        "energy.png",
+        "summary.json",
+        "config.toml",
+    }
+    energies = lsm.open_run(tmp_path / "energy.nc")
+    terms = energies.translational_energy + energies.rotational_energy + energies.elastic_energy
+    assert np.allclose(terms, energies.total_energy)
+    assert float(energies.rotational_energy[-1]) > 0.0 and float(energies.rotational_energy[0]) == 0.0
+    drift = table.drift.values
+    scheme, purpose = table.scheme.values, table.purpose.values
+    assert drift[(scheme == "onset_verlet") & (purpose == "drift")].max() < 1e-3
+    assert drift[scheme == "explicit_euler"].max() > 0.02
+    assert all(v.attrs["units"] and v.attrs["long_name"] for v in energies.data_vars.values())
+
+
+def test_drift_is_the_greatest_relative_deviation():
+    series = {
+        "translational_energy": np.array([1.0, 0.5, 1.0]),
+        "rotational_energy": np.array([0.0, 0.2, 0.0]),
+        "elastic_energy": np.array([0.0, 0.2, 0.01]),
+        "shadow_correction": np.array([0.0, 0.1, 0.0]),
+    }
+    assert energy_conservation.drift(series) == 0.1 or np.isclose(energy_conservation.drift(series), 0.1)
+    assert np.isclose(energy_conservation.drift(series, shadow=True), 0.01)
