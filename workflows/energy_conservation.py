@@ -6,7 +6,9 @@ kept it within 2.5 %.
 """
 
 import functools
+import multiprocessing
 import time
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import ClassVar
 
@@ -142,34 +144,44 @@ def root_mean_square(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def measure_scheme(params, scheme):
+    """All runs of one scheme: (rows, series), see `measure`."""
+    p, rows, series = params, [], []
+    gas = Gas(p, scheme)
+
+    def add(purpose, grains, seed, per_contact, steps):
+        energies = gas.run(grains, seed, per_contact, steps)
+        row = {"scheme": scheme, "purpose": purpose, "grains": grains, "seed": seed, "steps": steps}
+        row |= {"steps_per_contact": per_contact, "drift": drift(energies), "shadow_drift": drift(energies, True)}
+        rows.append(row)
+        series.append(energies)
+
+    for per_contact in (50, 100):
+        for seed in range(p.seed, p.seed + (p.seeds if scheme != "explicit_euler" else 1)):
+            add("drift", p.grains, seed, per_contact, p.steps)
+    if scheme == "onset_verlet":
+        add("long", p.grains, p.seed, 50, p.long_steps)
+    for per_contact in LEVELS if scheme != "explicit_euler" else ():
+        for seed in range(p.seed, p.seed + p.order_seeds):
+            add("order", p.order_grains, seed, per_contact, p.steps // 2 * per_contact // 50)
+    return rows, series[0]
+
+
 def measure(params, progress=None):
-    """All runs of the experiment.
+    """All runs of the experiment, two schemes at a time, each in a process of its own.
 
     Returns (rows, series): rows, a list of dicts with scheme, purpose (drift | long | order), grains, seed,
     steps_per_contact, steps, drift, shadow_drift; series, the energies of the first run of each scheme.
     """
-    p, rows, series = params, [], {}
-
-    def add(gas, purpose, grains, seed, per_contact, steps):
-        energies = gas.run(grains, seed, per_contact, steps)
-        row = {"scheme": gas.scheme, "purpose": purpose, "grains": grains, "seed": seed, "steps": steps}
-        row |= {"steps_per_contact": per_contact, "drift": drift(energies), "shadow_drift": drift(energies, True)}
-        rows.append(row)
-        series.setdefault(gas.scheme, energies)
-        if progress:
-            progress({"label": f"{gas.scheme} {purpose}", "state": f"seed {seed}, {per_contact} steps per contact"})
-
-    for scheme in SCHEMES:
-        gas = Gas(p, scheme)
-        for per_contact in (50, 100):
-            for seed in range(p.seed, p.seed + (p.seeds if gas.scheme != "explicit_euler" else 1)):
-                add(gas, "drift", p.grains, seed, per_contact, p.steps)
-        if scheme == "onset_verlet":
-            add(gas, "long", p.grains, p.seed, 50, p.long_steps)
-        if scheme in ("onset_verlet", "velocity_verlet", "symplectic_euler"):
-            for per_contact in LEVELS:
-                for seed in range(p.seed, p.seed + p.order_seeds):
-                    add(gas, "order", p.order_grains, seed, per_contact, p.steps // 2 * per_contact // 50)
+    spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
+    rows, series = [], {}
+    with ProcessPoolExecutor(2, mp_context=spawn, max_tasks_per_child=1) as pool:
+        waiting = {scheme: pool.submit(measure_scheme, params, scheme) for scheme in SCHEMES}
+        for scheme, future in waiting.items():
+            own, series[scheme] = future.result()
+            rows += own
+            if progress:
+                progress({"label": scheme, "state": f"{len(own)} runs done"})
     return rows, series
 
 
