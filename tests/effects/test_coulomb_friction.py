@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.effects import contact_type
 from taichi_lsm.effects.viscous_damping import damping_ratio_of
+from taichi_lsm.rotation import rotate, turned
+from taichi_lsm.runtime import ti
 from tests import scenes
 
 K, MU, G = 1.0e8, 0.3, 10.0
@@ -120,6 +123,60 @@ def test_energy_of_oblique_impacts_closes(oblique):
         residual.append(abs(left + lost - start) / start)
         assert lost > 0.1 * start
     assert residual[0] < 5e-3 and residual[1] < 0.3 * residual[0]
+
+
+COUNT = 300
+
+
+@ti.data_oriented
+class RollingPair:
+    """Contacts whose spring is loaded once, and then turned with the pair as one rigid body."""
+
+    def __init__(self, law):
+        self.law, self.contact_type = law.bound(), contact_type(3)
+        self.normal, self.slip, self.omega, self.force = (ti.Vector.field(3, ti.f64, COUNT) for _ in range(4))
+        self.turn = ti.Vector.field(4, ti.f64, COUNT)
+
+    @ti.kernel
+    def roll(self, steps: int, dt: ti.f64):
+        for c in range(COUNT):
+            memory = ti.Vector([0.0, 0.0, 0.0], ti.f64)
+            turn = ti.Vector([1.0, 0.0, 0.0, 0.0], ti.f64)
+            for step in range(steps + 1):
+                contact = self.contact_type(0)
+                contact.touching, contact.normal_force, contact.dt = 1, 1.0e9, dt
+                contact.slip = 0.0 * self.slip[c]
+                if step == 0:
+                    contact.slip = self.slip[c] / dt
+                else:
+                    turn = turned(turn, self.omega[c], dt)
+                    contact.spin_about_normal = self.omega[c].dot(rotate(turn, self.normal[c]))
+                contact.normal = rotate(turn, self.normal[c])
+                self.law.on_contact(contact, memory)
+                self.force[c] = contact.tangential_force
+            self.turn[c] = turn
+
+
+def test_spring_in_3d_turns_with_its_contact(runtime):
+    """Rolled by 2 rad about any axis, also about the normal, the force is the first one turned by as much."""
+    rng = np.random.default_rng(1)
+    pair = RollingPair(lsm.CoulombFriction(MU, K))
+    normal, slip, omega = rng.standard_normal((3, COUNT, 3))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    omega *= 2.0 / np.linalg.norm(omega, axis=1)[:, None]
+    omega[:50] = 2.0 * normal[:50]
+    slip = 1e-3 * (slip - np.sum(slip * normal, axis=1)[:, None] * normal)
+    for name, values in (("normal", normal), ("slip", slip), ("omega", omega)):
+        getattr(pair, name).from_numpy(values)
+    errors = []
+    for steps in (500, 4000):
+        pair.roll(steps, 1.0 / steps)
+        w, v = np.split(pair.turn.to_numpy(), [1], axis=1)
+        first = -K * slip
+        expected = first + 2 * np.cross(v, np.cross(v, first) + w * first)
+        off = np.linalg.norm(pair.force.to_numpy() - expected, axis=1) / np.linalg.norm(first, axis=1)
+        errors.append(off.max())
+    assert errors[0] < 1e-2 and errors[1] < 0.2 * errors[0]
 
 
 def test_refusals():
