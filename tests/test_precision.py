@@ -11,7 +11,7 @@ CHOICE = "(test_contract and -0-) or least_separation or momenta"
 
 
 def test_key_tests_pass_in_f32():
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", CHOICE]
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", "-k", CHOICE]
     command += [str(ROOT / "tests" / file) for file in FILES]
     environment = os.environ | {"LSM_TEST_PRECISION": "f32"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)

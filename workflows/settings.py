@@ -132,6 +132,7 @@ def merge(params_class: type[Params], preset: str | None = None, toml_path=None,
         params = params_class.model_validate(values)
     except pydantic.ValidationError as error:
         problems += _explain(error, params_class, values, sources)
+        problems += _rules_between(error, params_class, values, problems)
     if problems:
         raise SettingsError(problems)
     params.__dict__["preset_name"] = name
@@ -180,6 +181,18 @@ def _explain(error: pydantic.ValidationError, params_class: type[Params], values
             shown = _shown(values.get(name, field.default))
             messages.setdefault((name,), f"{option_name(name)} {shown}{source}: {must.rstrip('.')}.{hint}")
     return list(messages.values())
+
+
+def _rules_between(
+    error: pydantic.ValidationError, params_class: type[Params], values: dict, known: list[str]
+) -> list[str]:
+    """Broken rules between fields that pydantic did not reach because a field was wrong by itself."""
+    wrong = {item["loc"][0] for item in error.errors(include_url=False) if item["loc"]}
+    try:
+        params_class.model_validate({name: value for name, value in values.items() if name not in wrong})
+    except pydantic.ValidationError as later:
+        return [text for text in _explain(later, params_class, values, {}) if text not in known]
+    return []
 
 
 def _nested(params_class: type[Params], loc: tuple, item: dict, reason: str) -> str:

@@ -112,3 +112,10 @@ def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeyp
     assert np.array_equal(left.layer_thickness, before.layer_thickness)  # and a seed gives the same bits again
     assert (tmp_path / "config.toml").exists()
     assert not (tmp_path / "summary.json").exists()
+
+
+def test_a_broken_rule_between_fields_is_reported_beside_a_wrong_field():
+    with pytest.raises(SettingsError) as raised:
+        merge(shear_gouge.Params, options={"shape": "cubes", "smallest_diameter": "2e-4"})
+    assert len(raised.value.problems) == 2
+    assert "cubes" in raised.value.problems[0] and "no size is left" in raised.value.problems[1]
