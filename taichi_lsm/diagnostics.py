@@ -3,12 +3,11 @@
 Grains are summed in blocks of consecutive ids, blocks one after the other: the bits do not depend on threads.
 """
 
-import numpy as np
-
 from .contact.pairs import SLIDING, TOUCHING
 from .runtime import ti
 
 BLOCK = 64
+EVERYWHERE = 1e300  # [m], a slab without bounds; infinity times a gradient of zero would be no number
 
 
 @ti.data_oriented
@@ -124,7 +123,7 @@ class Measure:
                 self.result[c] += self.block_sum[block][c]
             self.result[self.width] = ti.max(self.result[self.width], self.block_deepest[block])
 
-    def sums(self, low=-np.inf, high=np.inf, volume=1.0, velocity=0.0, gradient=0.0):
+    def sums(self, low=-EVERYWHERE, high=EVERYWHERE, volume=1.0, velocity=0.0, gradient=0.0):
         """Measure now; see the class docstring.
 
         Stress is taken over low <= y < high [m], volume [m3], where the mean velocity along x is

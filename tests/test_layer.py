@@ -166,3 +166,8 @@ def test_platens_that_meet_stop_the_run(consolidated):
             layer.sample()
     finally:
         layer.plane[1] += 100.0
+
+
+def test_stress_over_everything_is_a_number(gallery):
+    sums = gallery("frictional_discs").measure.sums()
+    assert np.isfinite(sums["stress"]).all() and sums["stress"][1, 1] > 0
