@@ -86,8 +86,8 @@ class ContactForces:
 
     @ti.func
     def facing(self, k, l, i, j, d):
-        """Arcs i of grain k and j of grain l: centre of i [m], distance of the centres [m], depth [m] of the contact,
-        and the unit direction from one centre to the other in the world frame, in body k, and reversed in body l.
+        """Arcs i of grain k and j of grain l, taken as full circles: contact point relative to grain k [m], depth [m],
+        and the unit direction from centre to centre in the world frame, in body k, and reversed in body l.
         """
         g, t = self.grains, self.shapes
         a, b = t.first[g.shape[k]] + i, t.first[g.shape[l]] + j
@@ -213,7 +213,7 @@ class ContactForces:
         return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
 
     @ti.func
-    def onset_kick(self, contact, s, was, depth, arm_k, arm_l):
+    def onset_kick(self, contact, s, was, depth):
         """Impulse along the contact in the first step after it begins or ends; 0 in all others [N s].
 
         It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for. Its
@@ -293,7 +293,7 @@ class ContactForces:
                         torque -= (g.radius[k] - 0.5 * depth) * turning
                 status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
                 if ti.static(self.onset):
-                    kick = self.onset_kick(contact, s, was, depth, arm_k, arm_l)
+                    kick = self.onset_kick(contact, s, was, depth)
                     if kick != 0.0:
                         status += KICKED
                         pairs.pair_kick[s] = kick * n
