@@ -78,7 +78,7 @@ def _quaternions(turn):
 def _constants(scene):
     """What does not change: per grain, then per patch of the shape table."""
     mass, inertia = scene.masses()
-    axis, angle = zip(*(_cones(s) for s in scene.shapes), strict=True)
+    patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
     return {
         "mass": mass,
         "inertia": inertia if scene.dim == 2 else np.repeat(inertia[:, None], 3, axis=1),
@@ -87,18 +87,8 @@ def _constants(scene):
         "shape_index": scene.shape.astype(np.int32),
         "shape_scale": scene.scale,
         "patch_count": np.array([s.patch_count for s in scene.shapes], np.int32),
-        "patch_centre": np.concatenate([s.centre for s in scene.shapes]),
-        "patch_radius": np.concatenate([s.radius for s in scene.shapes]),
-        "patch_axis": np.concatenate(axis),
-        "patch_angle": np.concatenate(angle),
+        "patch_centre": patches[0],
+        "patch_radius": patches[1],
+        "patch_axis": patches[2],
+        "patch_angle": patches[3],
     }
-
-
-def _cones(shape):
-    """(axis (patches, dim), half-angle (patches,) [rad]) of a shape's patches; a full patch has the angle pi."""
-    if shape.patch_count == 1:
-        return np.eye(shape.dim)[:1], np.array([np.pi])
-    low, high = shape.seam, np.roll(shape.seam, -1, axis=0)
-    middle = low + high
-    axis = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-    return axis, np.arccos(np.clip((axis * low).sum(axis=1), -1.0, 1.0))

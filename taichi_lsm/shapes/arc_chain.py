@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 
-from .patch import CHAIN_TOLERANCE, GrainShape
+from .patch import CHAIN_TOLERANCE, ArcChain
 from .tiling import SHORT_SIDE, polygon_measures
 
 # Gauss-Legendre on [-1, 1]. The integrands are trigonometric polynomials of degree 3 on arcs of less than pi;
@@ -32,7 +32,7 @@ def _normals(angle: NDArray) -> NDArray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", normalise: bool = True) -> GrainShape:
+def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", normalise: bool = True) -> ArcChain:
     """The closed convex chain whose arc i has radius radii[i] and normals from breaks[i] to breaks[i + 1].
 
     breaks (n,) [rad], ascending, less than one turn from first to last, steps below pi; the last arc ends at
@@ -65,7 +65,7 @@ def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", n
     centre, radius = scale * centre, scale * radius
     area, _, polar = _area_and_moment(centre, radius, breaks, span)
     bounding_radius, lever = _reach(centre, radius, breaks, span)
-    return GrainShape(
+    return ArcChain(
         name=name,
         dim=2,
         centre=centre,
@@ -116,11 +116,11 @@ def _reach(centre: NDArray, radius: NDArray, breaks: NDArray, span: NDArray) -> 
     return float(bounding), float(lever)
 
 
-def regular_disc_of_arcs(n: int) -> GrainShape:
+def regular_disc_of_arcs(n: int) -> ArcChain:
     """The disc of diameter 1 cut into n >= 3 equal arcs, all centred at 0: contacts equal those of `disc`."""
     if n < 3:
         raise ValueError(f"n = {n}: must be at least 3, for arcs turn by less than pi")
-    return GrainShape(
+    return ArcChain(
         name=f"disc of {n} arcs",
         dim=2,
         centre=np.zeros((n, 2)),
@@ -143,7 +143,7 @@ def from_polygon(
     largest_radius: float = 10.0,
     name: str = "rounded polygon",
     normalise: bool = True,
-) -> GrainShape:
+) -> ArcChain:
     """The arc chain of greatest perimeter inside a convex polygon, with no arc sharper than corner_radius.
 
     vertices (k, 2) in any unit L, in order, either way round. corner_radius [L]. Each side gets one arc that

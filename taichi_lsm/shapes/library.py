@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.typing import NDArray
 
 from .arc_chain import from_polygon
-from .patch import GrainShape
+from .patch import ArcChain
 from .tiling import polygon_measures, voronoi_tiles
 
 TILES_PER_BATCH = 256  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
@@ -19,7 +19,7 @@ def random_angular_shapes(
     corner_radius: float = 0.05,
     sides: tuple[int, int] = (5, 7),
     max_aspect: float = 1.5,
-) -> list[GrainShape]:
+) -> list[ArcChain]:
     """`count` angular 2D grains: relaxed Voronoi tiles with rounded corners, equivalent diameter 1.
 
     Tiles are kept if their number of sides lies in `sides` (both included) and their aspect
@@ -36,7 +36,7 @@ def random_angular_shapes(
         raise ValueError(f"sides = {sides}: must be (fewest, most) with 3 <= fewest <= most")
     if not max_aspect > 1:
         raise ValueError(f"max_aspect = {max_aspect}: must be above 1")
-    shapes: list[GrainShape] = []
+    shapes: list[ArcChain] = []
     barren = batch = 0
     while len(shapes) < count:
         before = len(shapes)
@@ -59,7 +59,7 @@ def random_angular_shapes(
     return shapes
 
 
-def _with_corner_radius(tile: NDArray, corner_radius: float, name: str) -> GrainShape | None:
+def _with_corner_radius(tile: NDArray, corner_radius: float, name: str) -> ArcChain | None:
     """The fit to the tile whose least radius is corner_radius after normalisation; None if there is none.
 
     The radius c to be asked of the fit solves c = corner_radius d(c), d the equivalent diameter of the fitted

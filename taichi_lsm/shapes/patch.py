@@ -1,6 +1,6 @@
-"""The grain shape: a convex body whose surface is a set of spherical patches.
+"""Grains bounded by a chain of arcs (2D), and the disc and the sphere.
 
-In 2D the outline is a closed chain of circular arcs with a continuous normal (G1). Arc i has centre p_i,
+The outline is a closed chain of circular arcs with a continuous normal (G1). Arc i has centre p_i,
 radius r_i and the outward normals from seam i counter-clockwise to seam i + 1, and neighbours obey
 
     p_(i+1) - p_i = (r_i - r_(i+1)) n_(i+1),    n_(i+1) the seam between them.
@@ -16,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .grain import GrainShape, frozen_array
+
 UNIT_TOLERANCE = 1e-12  # of a seam's length: cos and sin of one angle miss it by 1e-16
 CHAIN_TOLERANCE = 1e-9  # of the bounding diameter: beyond it a seam is a visible step in the outline
 ORIGIN_TOLERANCE = 1e-12  # of the bounding radius: how far a lone patch may lie from the centre of mass
@@ -26,49 +28,27 @@ def _cross(a: NDArray, b: NDArray) -> NDArray:
 
 
 @dataclass(frozen=True, eq=False)
-class GrainShape:
-    """A convex grain of unit density in its body frame, whose origin is the centre of mass.
+class ArcChain(GrainShape):
+    """A convex grain bounded by a closed chain of arcs (2D); a disc or a sphere is the chain of one patch.
 
-    Library shapes have equivalent diameter 1 (area pi/4, volume pi/6), so that a grain's scale is its
-    equivalent diameter in metres. All lengths below are in that unit of the shape.
+    centre  (patches, dim) centres p_i of the patches
+    radius  (patches,) radii r_i
+    seam    (patches, 2) unit vector of the lowest-angle normal of arc i, which ends at seam i + 1 (the last at
+            seam 0); (0, 2) for a single patch
 
-    name             what figures and files call it
-    dim              2 or 3
-    centre           (patches, dim) centres p_i of the patches
-    radius           (patches,) radii r_i
-    seam             (patches, 2) unit vector of the lowest-angle normal of arc i, which ends at seam i + 1
-                     (the last at seam 0); (0, 2) for a single patch
-    measure          area (2D) or volume (3D)
-    inertia          second moments about the centre of mass: (1,) polar in 2D, (3,) principal in 3D
-    bounding_radius  greatest distance of the surface from the centre of mass
-    cap_radius       least radius of curvature of the surface
-    lever            greatest distance of a surface normal line from the centre of mass, max |x cross n|
-
-    The arrays are copied, float64 and read-only. Shapes compare and hash by identity.
-    Raises ValueError if a field has the wrong form or the arcs are not a closed G1 chain that turns once.
+    Raises ValueError if the arcs are not a closed G1 chain that turns once.
     """
 
-    name: str
-    dim: int
+    kind = "chain"
+
     centre: NDArray
     radius: NDArray
     seam: NDArray
-    measure: float
-    inertia: NDArray
-    bounding_radius: float
-    cap_radius: float
-    lever: float
 
     def __post_init__(self):
-        if self.dim not in (2, 3):
-            raise ValueError(f"dim = {self.dim}: must be 2 or 3")
-        for field in ("centre", "radius", "seam", "inertia"):
-            object.__setattr__(self, field, _frozen_array(field, getattr(self, field)))
-        for field in ("measure", "bounding_radius", "cap_radius", "lever"):
-            value = float(getattr(self, field))
-            if not np.isfinite(value) or value < 0 or (value == 0 and field != "lever"):
-                raise ValueError(f"{field} = {value}: must be finite and {'>= 0' if field == 'lever' else '> 0'}")
-            object.__setattr__(self, field, value)
+        super().__post_init__()
+        for field in ("centre", "radius", "seam"):
+            object.__setattr__(self, field, frozen_array(field, getattr(self, field)))
         self._check_arrays()
         if self.patch_count == 1:
             offset = float(np.linalg.norm(self.centre))
@@ -88,14 +68,9 @@ class GrainShape:
         seams = 0 if count == 1 else count
         if self.seam.shape != (seams, 2):
             raise ValueError(f"seam has shape {self.seam.shape}: must be {(seams, 2)} for {count} patches")
-        moments = 1 if self.dim == 2 else 3
-        if self.inertia.shape != (moments,) or np.any(self.inertia <= 0):
-            raise ValueError(f"inertia = {self.inertia}: must be {moments} values > 0 in {self.dim}D")
         least = float(self.radius.min())
         if self.cap_radius > least * (1 + CHAIN_TOLERANCE):  # it bounds the depth at which contacts are unique
             raise ValueError(f"cap_radius = {self.cap_radius}: must not exceed the least radius, {least}")
-        if self.lever > self.bounding_radius:
-            raise ValueError(f"lever = {self.lever}: must not exceed bounding_radius = {self.bounding_radius}")
 
     def _check_chain(self):
         length = np.linalg.norm(self.seam, axis=1)
@@ -132,6 +107,15 @@ class GrainShape:
     def patch_count(self) -> int:
         """Number of patches; 1 for a disc or a sphere."""
         return self.radius.size
+
+    def patches(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """See GrainShape; a full patch has the half-angle pi."""
+        if self.patch_count == 1:
+            return self.centre, self.radius, np.eye(self.dim)[:1], np.array([np.pi])
+        low, high = self.seam, np.roll(self.seam, -1, axis=0)
+        middle = low + high
+        axis = middle / np.linalg.norm(middle, axis=1, keepdims=True)
+        return self.centre, self.radius, axis, np.arccos(np.clip((axis * low).sum(axis=1), -1.0, 1.0))
 
     def support(self, normals: ArrayLike) -> NDArray:
         """Support function h(n) = max over the outline of x . n, for unit normals (k, 2) in the body frame; 2D."""
@@ -173,26 +157,18 @@ class GrainShape:
         return np.asarray(position, dtype=np.float64) + scale * turned
 
 
-def _frozen_array(field: str, value: ArrayLike) -> NDArray:
-    array = np.array(value, dtype=np.float64)
-    if not np.all(np.isfinite(array)):
-        raise ValueError(f"{field} = {array}: must be finite")
-    array.setflags(write=False)
-    return array
-
-
-def disc() -> GrainShape:
+def disc() -> ArcChain:
     """The disc of diameter 1: area pi/4, polar second moment pi/32."""
     return _ball("disc", 2, np.pi / 4, [np.pi / 32])
 
 
-def sphere() -> GrainShape:
+def sphere() -> ArcChain:
     """The sphere of diameter 1: volume pi/6, second moments (2/5) (pi/6) (1/2)^2 = pi/60."""
     return _ball("sphere", 3, np.pi / 6, [np.pi / 60] * 3)
 
 
-def _ball(name: str, dim: int, measure: float, inertia: list[float]) -> GrainShape:
-    return GrainShape(
+def _ball(name: str, dim: int, measure: float, inertia: list[float]) -> ArcChain:
+    return ArcChain(
         name=name,
         dim=dim,
         centre=np.zeros((1, dim)),

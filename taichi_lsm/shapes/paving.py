@@ -7,7 +7,7 @@ from scipy.optimize import linprog
 from shapely.geometry import Polygon
 
 from .arc_chain import from_polygon
-from .patch import GrainShape
+from .patch import ArcChain
 from .tiling import voronoi_tiles
 
 
@@ -29,7 +29,7 @@ def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
     return shapes, np.array(places), np.array(diameters)
 
 
-def _scaled(shape: GrainShape, factor: float) -> GrainShape:
+def _scaled(shape: ArcChain, factor: float) -> ArcChain:
     """The same shape in other units of length."""
     return replace(
         shape,
@@ -43,7 +43,7 @@ def _scaled(shape: GrainShape, factor: float) -> GrainShape:
     )
 
 
-def _place(shape: GrainShape, polygon) -> np.ndarray:
+def _place(shape: ArcChain, polygon) -> np.ndarray:
     """Where the shape's centre of mass must lie for the shape to be as far as possible from all sides (2,) [L]."""
     side = np.roll(polygon, -1, axis=0) - polygon
     area = 0.5 * np.sum(polygon[:, 0] * np.roll(polygon[:, 1], -1) - polygon[:, 1] * np.roll(polygon[:, 0], -1))
