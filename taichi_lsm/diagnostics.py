@@ -58,6 +58,7 @@ class Measure:
             v, omega = self.integrator.synchronised(k)
             total[0] += 0.5 * m * v.dot(v)
             if ti.static(self.forces.rotates):
+                omega = self.integrator.principal(k, omega)
                 for c in ti.static(range(g.sizes["spin"])):
                     total[1] += 0.5 * omega[c] * omega[c] / g.inverse_inertia[k][c]
             for law in ti.static(self.pulls):

@@ -1,13 +1,11 @@
 """Forces of the contacts: composes the geometry and the effects that a scene lists, at compile time."""
 
-from .contact.narrow import cone_step, cone_violation, sphere_overlap
-from .contact.pairs import KICKED, SLIDING, TOUCHING
+from .contact.narrow import sphere_overlap
+from .contact.pairs import KICKED, PART_BASE, SLIDING, TOUCHING
 from .effects import contact_type
 from .effects.base import PHASES
-from .rotation import rotate, spin_velocity, torque_of, unrotate
+from .rotation import spin_velocity, torque_of
 from .runtime import current, ti
-
-PAIR_BASE = 2**31
 
 
 def in_order(effects):
@@ -19,16 +17,19 @@ def in_order(effects):
 class ContactForces:
     """One row of the half list at a time: sums stay in registers, the pair's force is stored for its partner.
 
-    `fault_code` is set to 1 when a depth reaches its cap, where no pair of patches faces each other uniquely any
-    more; `fault_pair` then holds the persistent ids of the grains, first * PAIR_BASE + second.
+    surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one.
+    A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `faults`.
     """
 
-    def __init__(self, grains, shapes, domain, pairs, effects):
-        self.grains, self.shapes, self.domain, self.pairs = grains, shapes, domain, pairs
+    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults):
+        self.grains, self.domain, self.pairs, self.faults = grains, domain, pairs, faults
+        self.parts, self.several = parts, parts is not None
+        self.shaped = surfaces is not None
+        if self.shaped:
+            self.geometry = surfaces.contact(grains, pairs, faults)
         self.real = current().real
         self.dim = grains.dim
         self.rotates = grains.has("spin")
-        self.shaped = shapes is not None
         self.ledger = grains.has("dissipated")
         self.laws = [e for e in in_order(effects) if e.phase != "body"]
         self.body_laws = [e for e in effects if e.phase == "body"]
@@ -37,10 +38,6 @@ class ContactForces:
         self.books = [e for e in self.laws if e.dissipates]
         self.book_count = max(1, len(self.books))
         self.contact_type = contact_type(self.dim)
-        self.fault_code = ti.field(ti.i32, ())
-        self.fault_pair = ti.field(ti.i64, ())
-        # one accepted violation of a seam, for directions that rounding leaves between two arcs
-        self.seam_tolerance = 1e-12 if self.real == ti.f64 else 1e-5
 
     def history_slice(self, law):
         """(first, size) of a law's values in the pair's history."""
@@ -50,13 +47,6 @@ class ContactForces:
     def book_of(self, law):
         """Column of the energy ledger in which a law books what it dissipates."""
         return self.books.index(law)
-
-    @ti.func
-    def fail(self, code: ti.template(), k, l):
-        """Report a fault; of several pairs the one with the highest ids is kept, whatever thread comes first."""
-        g = self.grains
-        ti.atomic_max(self.fault_code[None], code)
-        ti.atomic_max(self.fault_pair[None], (ti.cast(g.id[k], ti.i64) << 31) + g.id[l])
 
     @ti.func
     def shortest(self, k, l):
@@ -75,106 +65,19 @@ class ContactForces:
         r_k, r_l = g.radius[k], g.radius[l]
         if d.dot(d) < (r_k + r_l) ** 2 or was != 0:
             if ti.static(self.shaped):
-                depth, n, arm_k = self.chain_overlap(k, l, s, d)
+                a, b = g.shape[k], g.shape[l]
+                if ti.static(self.several):
+                    code = self.pairs.part_code[s]
+                    a = self.parts.first[a] + code // PART_BASE
+                    b = self.parts.first[b] + code % PART_BASE
+                depth, n, arm_k = self.geometry.overlap(a, b, k, l, s, d)
             else:
                 depth, n, at = sphere_overlap(d, r_k, r_l)
                 arm_k = at * n
                 if depth >= r_k + r_l:
-                    self.fail(1, k, l)
+                    self.faults.report(1, g.id[k], g.id[l])
             arm_l = arm_k - d
         return depth, n, arm_k, arm_l
-
-    @ti.func
-    def facing(self, k, l, i, j, d):
-        """Arcs i of grain k and j of grain l, taken as full circles: contact point relative to grain k [m], depth [m],
-        and the unit direction from centre to centre in the world frame, in body k, and reversed in body l.
-        """
-        g, t = self.grains, self.shapes
-        a, b = t.first[g.shape[k]] + i, t.first[g.shape[l]] + j
-        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
-        p_i = rotate(turn_k, t.centre[a]) * g.scale[k]
-        w = d + rotate(turn_l, t.centre[b]) * g.scale[l] - p_i
-        r_i, r_j = t.patch_radius[a] * g.scale[k], t.patch_radius[b] * g.scale[l]
-        depth, n, at = sphere_overlap(w, r_i, r_j)
-        return p_i + at * n, depth, n, unrotate(turn_k, n), -unrotate(turn_l, n)
-
-    @ti.func
-    def arc_towards(self, k, u):
-        """The arc of grain k whose normals hold the direction u (world frame)."""
-        g, t = self.grains, self.shapes
-        a, n_i = t.first[g.shape[k]], t.patches[g.shape[k]]
-        u_k = unrotate(ti.cast(g.orientation[k], self.real), u)
-        arc = 0
-        for i in range(n_i):
-            step, _ = cone_step(u_k, t.seam[a + i], t.seam[a + i + 1])
-            if step == 0:
-                arc = i
-        return arc
-
-    @ti.func
-    def chain_overlap(self, k, l, s, d):
-        """Contact of two arc chains: the one pair of arcs whose normals face each other, found from the last one.
-
-        As long as the direction between the arc centres leaves a cone, the arc that it misses by more gives way to
-        its neighbour: a descent of the depth along the merged cones. Arcs of large radius also face each other on
-        the far sides of the grains; there the depth exceeds its cap, and all pairs are tried.
-        Returns (depth [m], unit normal k -> l, contact point relative to grain k [m]).
-        """
-        g, t, pairs = self.grains, self.shapes, self.pairs
-        feature = pairs.feature[s]
-        i, j = feature[0], feature[1]
-        if i < 0:
-            i, j = self.arc_towards(k, d / d.norm()), self.arc_towards(l, -d / d.norm())
-        n_i, n_j = t.patches[g.shape[k]], t.patches[g.shape[l]]
-        a, b = t.first[g.shape[k]], t.first[g.shape[l]]
-        cap = g.cap_radius[k] + g.cap_radius[l]
-        x, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
-        limit = n_i + n_j
-        tries = 0
-        while tries < limit:
-            step_i, step_j = 0, 0
-            far_i, far_j = 0.0 * depth, 0.0 * depth
-            if n_i > 1:
-                step_i, far_i = cone_step(u_k, t.seam[a + i], t.seam[a + i + 1])
-            if n_j > 1:
-                step_j, far_j = cone_step(u_l, t.seam[b + j], t.seam[b + j + 1])
-            if step_i == 0 and step_j == 0:
-                break
-            if step_j == 0 or (step_i != 0 and far_i >= far_j):
-                i = (i + step_i + n_i) % n_i
-            else:
-                j = (j + step_j + n_j) % n_j
-            tries += 1
-            x, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
-        if tries == limit or depth >= cap:
-            i, j = self.least_violation(k, l, d, cap)
-            x, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
-        if i != feature[0] or j != feature[1]:
-            pairs.feature[s] = ti.Vector([i, j])
-        return depth, n, x
-
-    @ti.func
-    def least_violation(self, k, l, d, cap):
-        """Of all pairs of arcs less deep than the cap the first whose cones both hold the direction between them,
-        else the one that misses by least."""
-        g, t = self.grains, self.shapes
-        n_i, n_j = t.patches[g.shape[k]], t.patches[g.shape[l]]
-        a, b = t.first[g.shape[k]], t.first[g.shape[l]]
-        best_i, best_j = 0, 0
-        least = ti.cast(4.0, self.real)
-        for i in range(n_i):
-            for j in range(n_j):
-                _, depth, n, u_k, u_l = self.facing(k, l, i, j, d)
-                miss = 0.0 * depth
-                if n_i > 1:
-                    miss = cone_violation(u_k, t.seam[a + i], t.seam[a + i + 1])
-                if n_j > 1:
-                    miss = ti.max(miss, cone_violation(u_l, t.seam[b + j], t.seam[b + j + 1]))
-                if depth < cap and miss < least:
-                    least, best_i, best_j = miss, i, j
-        if least > self.seam_tolerance:
-            self.fail(1, k, l)
-        return best_i, best_j
 
     @ti.func
     def spin_difference(self, omega_k, omega_l, arm_k, arm_l):
@@ -245,6 +148,9 @@ class ContactForces:
             l = pairs.partner[s]
             d = self.shortest(k, l)
             meet = d.dot(d) < (g.radius[k] + g.radius[l]) ** 2
+            if ti.static(self.several):
+                code = pairs.part_code[s]
+                meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < 0.0
             pairs.near[end] = s
             end += ti.cast(meet, ti.i32) | ti.cast(pairs.status[s] != 0, ti.i32)
         return end

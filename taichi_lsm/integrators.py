@@ -6,7 +6,7 @@ histories at the same time t; `diagnostics` synchronises velocities to t.
 The serial path (many steps per launch) and the parallel path give the same bits.
 """
 
-from .rotation import linear_turn, turned
+from .rotation import free_rotor, linear_turn, momentum_of, spin_of, turned, unrotate
 from .runtime import ti, when_allocated
 
 SERIAL_LIMIT = 4000  # grains; below, waking threads costs more than they save
@@ -28,6 +28,7 @@ class VelocityVerlet:
         self.grains = forces.grains
         self.driven = platens is not None
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
+        self.tumbles = self.grains.has("angular_momentum")
         self.dt = ti.field(ti.f64, ())
         self.half_skin = ti.field(ti.f64, ())
         self.moved = ti.field(ti.i32, ())
@@ -48,19 +49,42 @@ class VelocityVerlet:
             force, torque, kick, twist = self.forces.gathered(k)
             g.velocity[k] += (force * dt + kick) * g.inverse_mass[k]
             g.position[k] += g.velocity[k] * dt
-            if ti.static(self.rotates):
-                g.spin[k] += (torque * dt + twist) * g.inverse_inertia[k]
-            if ti.static(self.oriented):
-                g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
+            if ti.static(self.tumbles):
+                self.tumble(k, torque * dt + twist, dt)
+            else:
+                if ti.static(self.rotates):
+                    g.spin[k] += (torque * dt + twist) * g.inverse_inertia[k]
+                if ti.static(self.oriented):
+                    g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
         self.watch(k)
 
     @ti.func
+    def tumble(self, k, push, dt):
+        """Kick of the angular momentum and free rotation of a grain in 3D, Eqs. (16), (17) with the gyroscopic term.
+
+        The spin that contacts see is the mean of those at the two ends of the step: that of the half step.
+        """
+        g = self.grains
+        momentum = g.angular_momentum[k] + push
+        inverse = ti.cast(g.inverse_inertia[k], ti.f64)
+        before = g.orientation[k]
+        after = free_rotor(before, momentum, inverse, dt)
+        g.angular_momentum[k] = momentum
+        g.orientation[k] = after
+        g.spin[k] = 0.5 * (spin_of(before, momentum, inverse) + spin_of(after, momentum, inverse))
+
+    @ti.func
     def watch(self, k):
-        """Ask for a new neighbour list when grain k has moved by half the skin."""
-        way = self.grains.position[k] - self.grains.built_position[k]
-        if not (way.dot(way) < self.half_skin[None] ** 2):  # also true for a position that is not a number
+        """Ask for a new neighbour list when grain k has moved by half the skin, or a part of it may have."""
+        g = self.grains
+        way = g.position[k] - g.built_position[k]
+        limit = self.half_skin[None]
+        if ti.static(self.forces.several):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
+            turn = (g.orientation[k] - g.built_orientation[k]).norm()
+            limit -= ti.static(1.0 if self.grains.dim == 2 else 2.0) * turn * g.radius[k]
+        if not (limit > 0.0 and way.dot(way) < limit * limit):  # also true for a position that is not a number
             self.moved[None] = 1
 
     @ti.func
@@ -76,9 +100,22 @@ class VelocityVerlet:
                 h = 0.5 * self.dt[None]
                 force, torque, kick, twist = self.forces.gathered(k)
                 v += (force * h + kick) * g.inverse_mass[k]
-                if ti.static(self.rotates):
+                if ti.static(self.tumbles):
+                    momentum = g.angular_momentum[k] + torque * h + twist
+                    omega = spin_of(g.orientation[k], momentum, ti.cast(g.inverse_inertia[k], ti.f64))
+                elif ti.static(self.rotates):
                     omega += (torque * h + twist) * g.inverse_inertia[k]
+        elif ti.static(self.tumbles):
+            omega = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
         return v, omega
+
+    @ti.func
+    def principal(self, k, a):
+        """World vector `a` along the axes to which `inverse_inertia` belongs."""
+        result = a
+        if ti.static(self.tumbles):
+            result = unrotate(self.grains.orientation[k], a)
+        return result
 
     @ti.func
     def begin_step(self):
@@ -142,12 +179,16 @@ class VelocityVerlet:
         """Move the velocities of the start half a step back, before the positions."""
         for k in range(self.grains.count[None]):
             g = self.grains
+            if ti.static(self.tumbles):
+                g.angular_momentum[k] = momentum_of(g.orientation[k], g.spin[k], 1.0 / g.inverse_inertia[k])
             if ti.static(self.half_step):
                 if g.platen[k] < 0:
                     h = -0.5 * self.dt[None]
                     force, torque, kick, twist = self.forces.gathered(k)
                     g.velocity[k] += force * (g.inverse_mass[k] * h)
-                    if ti.static(self.rotates):
+                    if ti.static(self.tumbles):
+                        g.angular_momentum[k] += torque * h
+                    elif ti.static(self.rotates):
                         g.spin[k] += torque * (g.inverse_inertia[k] * h)
 
 
@@ -192,7 +233,10 @@ class ExplicitEuler(VelocityVerlet):
             g.velocity[k] += force * (g.inverse_mass[k] * dt)
             if ti.static(self.oriented):
                 g.orientation[k] += linear_turn(g.orientation[k], g.spin[k] * dt)
-            if ti.static(self.rotates):
+            if ti.static(self.tumbles):
+                g.angular_momentum[k] += torque * dt
+                g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
+            elif ti.static(self.rotates):
                 g.spin[k] += torque * (g.inverse_inertia[k] * dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)

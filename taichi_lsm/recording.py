@@ -81,7 +81,7 @@ def _constants(scene):
     patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
     return {
         "mass": mass,
-        "inertia": inertia if scene.dim == 2 else np.repeat(inertia[:, None], 3, axis=1),
+        "inertia": inertia[:, 0] if scene.dim == 2 else inertia,
         "bounding_radius": scene.per_grain("bounding_radius"),
         "kind": (scene.platen >= 0).astype(np.int32),
         "shape_index": scene.shape.astype(np.int32),

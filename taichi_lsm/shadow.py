@@ -38,6 +38,7 @@ class ShadowEnergy:
                 force, torque, kick, twist = self.forces.gathered(k)
                 total -= force.dot(force) * g.inverse_mass[k] / 24.0
                 if ti.static(self.forces.rotates):
+                    torque = self.integrator.principal(k, torque)
                     total -= (torque * torque * g.inverse_inertia[k]).sum() / 24.0
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                 if pairs.status[s] & TOUCHING:

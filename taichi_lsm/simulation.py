@@ -5,16 +5,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .contact.broad import NeighbourList, NeighbourSearch, grown
+from .contact.faults import Faults
 from .contact.pairs import Pairs
+from .contact.parts import PartTable
+from .contact.surfaces import kind_of, surface_table
 from .diagnostics import Measure
 from .domain import Domain, check_box
 from .drives import Platens
 from .effects import Bodies, Effect
 from .errors import InputError, SimulationError
-from .forces import PAIR_BASE, ContactForces
+from .forces import ContactForces
 from .integrators import SERIAL_LIMIT, OnsetVerlet
 from .runtime import allocating, start, when_allocated
-from .state import Grains, Shapes, grain_variables, spin_size
+from .state import Grains, grain_variables, spin_size, turn_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
@@ -25,9 +28,6 @@ PAIRS_PER_GRAIN = {
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
 SERIAL_LAUNCH = 512  # steps per launch in the serial path: short enough to answer a signal at once
 PARALLEL_LAUNCH = 8  # steps launched before the flags are read in the parallel path
-FAULTS = {
-    1: "their overlap reached the cap at which the contact is no longer unique; use stiffer grains or less stress",
-}
 
 
 @dataclass
@@ -36,6 +36,7 @@ class Scene:
 
     lengths (dim,) [m] and periodic (dim,) of the cell; shapes: GrainShape table; shape (n,): row of the table;
     position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
+    orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
@@ -53,6 +54,7 @@ class Scene:
     density: float
     effects: list
     angle: np.ndarray | None = None
+    orientation: np.ndarray | None = None
     platen: np.ndarray | None = None
     platens: list = field(default_factory=list)
     velocity: np.ndarray | None = None
@@ -74,11 +76,29 @@ class Scene:
         self.scale = np.asarray(self.scale, float)
         self.shape = np.asarray(self.shape, int)
         self.platen = np.full(n, -1) if self.platen is None else np.asarray(self.platen, int)
-        self.angle = np.zeros(n) if self.angle is None else np.asarray(self.angle, float)
+        self._orient(n)
         self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
         self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
         self.thickness = float(np.mean(self.scale)) if self.thickness is None else self.thickness
         self._check(n)
+
+    def _orient(self, n):
+        """One description of the orientations: angles in 2D, unit quaternions in 3D."""
+        given, other = ("angle", "orientation") if self.dim == 2 else ("orientation", "angle")
+        if getattr(self, other) is not None:
+            raise InputError(f"Scene.{other}: given in {self.dim}D, where `{given}` says how a grain is turned")
+        if self.dim == 2:
+            self.angle = np.zeros(n) if self.angle is None else np.asarray(self.angle, float)
+        elif self.orientation is None:
+            self.orientation = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        else:
+            self.orientation = np.asarray(self.orientation, float)
+
+    def turns(self):
+        """Orientations as the state keeps them: unit complex numbers (n, 2) or unit quaternions (n, 4)."""
+        if self.dim == 2:
+            return np.stack([np.cos(self.angle), np.sin(self.angle)], axis=1)
+        return self.orientation
 
     def _check(self, n):
         expected = {
@@ -86,7 +106,7 @@ class Scene:
             "scale": (n,),
             "shape": (n,),
             "platen": (n,),
-            "angle": (n,),
+            **({"angle": (n,)} if self.dim == 2 else {"orientation": (n, turn_size(3))}),
             "velocity": (n, self.dim),
             "spin": (n, spin_size(self.dim)),
         }
@@ -119,16 +139,21 @@ class Scene:
         if not (np.isfinite(self.skin) and self.skin > 0):
             raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
         check_box(self.lengths, self.periodic, 2.0 * self.per_grain("bounding_radius").max(), self.skin)
-        if self.dim == 3 and max(s.patch_count for s in self.shapes) > 1:
-            raise InputError("Scene.shapes: grains of several patches are available in 2D only")
+        if self.dim == 3 and np.abs(np.linalg.norm(self.orientation, axis=1) - 1.0).max() > 1e-9:
+            raise InputError("Scene.orientation: must be unit quaternions (w, x, y, z) to 1e-9")
+        wrong = [s.name for s in self.shapes if s.dim != self.dim]
+        if wrong:
+            raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {self.dim}D")
+        kind_of(self.shapes)
 
     def masses(self):
-        """(mass [kg], moment of inertia [kg m2]) of every grain; a disc has the scene's thickness."""
+        """(mass (n,) [kg], principal moments of inertia (n, 1 or 3) [kg m2]); a disc has the scene's thickness."""
         s = self.scale
         depth = self.thickness if self.dim == 2 else 1.0
         measure = np.array([g.measure for g in self.shapes])[self.shape]
-        inertia = np.array([np.atleast_1d(g.inertia)[0] for g in self.shapes])[self.shape]
-        return self.density * depth * measure * s**self.dim, self.density * depth * inertia * s ** (self.dim + 2)
+        inertia = np.array([g.inertia for g in self.shapes])[self.shape]
+        unit = self.density * depth * s**self.dim
+        return unit * measure, (unit * s**2)[:, None] * inertia
 
     def per_grain(self, attribute):
         """Length `attribute` of the shapes, scaled to every grain [m]."""
@@ -137,6 +162,7 @@ class Scene:
     def bodies(self):
         """Facts that bound the time step; see effects.Bodies."""
         mass, inertia = self.masses()
+        inertia = inertia.min(axis=1)
         mobile = self.platen < 0 if (self.platen < 0).any() else np.ones(len(mass), bool)
         return Bodies(
             dim=self.dim,
@@ -194,29 +220,33 @@ class Simulation:
         self.skin = scene.skin
         stable = scene.stable_dt() if scene.dt is None else None
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
-        shaped = max(s.patch_count for s in scene.shapes) > 1
+        kind = kind_of(scene.shapes)
+        shaped, several = kind != "sphere", max(len(s.parts) for s in scene.shapes) > 1
         self.rotates = shaped or any(e.phase == "tangential" for e in scene.effects)
         books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase != "body")
         onset = scene.integrator.onset
-        rows = grain_variables(self.rotates, shaped, shaped, len(books), onset)
+        tumbles = shaped and scene.dim == 3
+        rows = grain_variables(self.rotates, shaped, shaped, len(books), onset, tumbles, several)
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
             self.domain = Domain(scene.lengths, scene.periodic)
-            self.shapes = Shapes(scene.dim, scene.shapes) if shaped else None
             self.grains = Grains(scene.dim, n, rows, len(books))
+            self.faults = Faults()
+            self.surfaces = surface_table(kind, scene.shapes)
+            self.parts = PartTable(scene.shapes, self.grains) if several else None
             self.state = StateView(self.grains)
             when_allocated(lambda: self._load_scene(shaped))
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
-            self.search = NeighbourSearch(self.grains, self.domain, self.skin)
+            self.search = NeighbourSearch(self.grains, self.domain, self.skin, self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
         room = max(int(1.2 * wanted), PAIRS_PER_GRAIN[scene.dim] * n)
         with allocating():
-            self._compose(Pairs(scene.dim, capacity, room, self.rotates, shaped, self.history, onset))
+            self._compose(Pairs(scene.dim, capacity, room, self.rotates, kind, self.history, onset, several))
         self.neighbours.write()
         self._begin()
 
@@ -224,7 +254,7 @@ class Simulation:
         """First evaluation of the contacts, then velocities half a step back."""
         self.integrator.contacts_only(0.0)
         self.integrator.shift_velocities()
-        self._raise_fault()
+        self.faults.raise_any(self.step)
 
     def load(self, scene):
         """Start again from another scene of the same make-up, without compiling anything.
@@ -240,9 +270,11 @@ class Simulation:
         self.integrator.dt[None] = self._dt
         for bound, effect in zip(self.effects, scene.effects, strict=True):
             bound.write_parameters(effect)
-        if self.shapes:
-            self.shapes.fill(scene.shapes)
-        self._load_scene(self.shapes is not None)
+        if self.surfaces:
+            self.surfaces.fill([part for s in scene.shapes for part in s.parts])
+        if self.parts:
+            self.parts.fill(scene.shapes)
+        self._load_scene(self.surfaces is not None)
         if scene.ledger and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
         self.pairs.row_start.fill(0)  # nothing is remembered of the pairs
@@ -265,9 +297,9 @@ class Simulation:
         state.inverse_mass.from_numpy(1.0 / mass)
         if self.rotates:
             state.spin.from_numpy(scene.spin)
-            state.inverse_inertia.from_numpy(np.repeat(1.0 / inertia[:, None], spin_size(scene.dim), axis=1))
+            state.inverse_inertia.from_numpy(1.0 / inertia)
         if shaped:
-            state.orientation.from_numpy(np.stack([np.cos(scene.angle), np.sin(scene.angle)], axis=1))
+            state.orientation.from_numpy(scene.turns())
             state.shape.from_numpy(scene.shape)
             state.scale.from_numpy(scene.scale)
             state.cap_radius.from_numpy(scene.per_grain("cap_radius"))
@@ -276,7 +308,9 @@ class Simulation:
         """Specialise the kernels for this scene and this storage of pairs."""
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
-        self.forces = ContactForces(self.grains, self.shapes, self.domain, pairs, self.effects)
+        self.forces = ContactForces(
+            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults
+        )
         self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt)
         self.measure = Measure(self.forces, self.integrator)
 
@@ -300,12 +334,12 @@ class Simulation:
             self._launch(target - self.step)
             self.step += self.integrator.steps_done[None]
             self.integrator.steps_done[None] = 0
-            self._raise_fault()
+            self.faults.raise_any(self.step)
             if self.integrator.halted[None]:
                 self._rebuild()
                 self.integrator.contacts_only(self._dt)
                 self.step += 1
-                self._raise_fault()
+                self.faults.raise_any(self.step)
 
     def _launch(self, steps):
         if self.parallel:
@@ -324,9 +358,3 @@ class Simulation:
             self._compose(grown(self.pairs, self.scene.dim, capacity, self.rotates, int(GROWTH * wanted)))
         self.neighbours.write()
         self.rebuilds += 1
-
-    def _raise_fault(self):
-        code = self.forces.fault_code[None]
-        if code:
-            k, l = divmod(int(self.forces.fault_pair[None]), PAIR_BASE)
-            raise SimulationError(f"step {self.step}, grains {k} and {l}: {FAULTS[code]}")

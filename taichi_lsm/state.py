@@ -1,10 +1,9 @@
-"""The state of the grains and the shared table of their shapes, both allocated from schema rows."""
+"""The state of the grains, allocated from schema rows."""
 
 from types import SimpleNamespace
 
 import numpy as np
 
-from .errors import InputError
 from .runtime import current, ti, when_allocated
 from .schema import Variable
 
@@ -52,11 +51,13 @@ def bytes_per_row(variables, sizes):
     return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
 
 
-def grain_variables(rotates, oriented, shaped, ledger, onset=False):
+def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=False, several=False):
     """Rows of the grain state that a scene needs.
 
     rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;
-    ledger: number of effects that book dissipated energy; onset: contacts begin and end with impulses.
+    ledger: number of effects that book dissipated energy; onset: contacts begin and end with impulses; tumbles:
+    oriented in 3D, where the angular momentum is the state and the spin follows from it; several: grains of
+    several parts, whose places turn with the grain.
     """
     rows = [
         Variable("id", ("grain",), "i32", "1", "persistent number of the grain in this slot", True),
@@ -71,7 +72,7 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False):
     if rotates:
         rows += [
             Variable("spin", ("grain", "spin"), "f64", "rad s-1", "angular velocity half a step before", True),
-            Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse moment of inertia", True),
+            Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse moments of inertia, principal axes", True),
             Variable("torque", ("grain", "spin"), "real", "N m", "torque of the contacts in the own row", True),
         ]
     if onset:
@@ -80,6 +81,12 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False):
             rows.append(Variable("twist", ("grain", "spin"), "real", "N m s", "angular impulse likewise", True))
     if oriented:
         rows.append(Variable("orientation", ("grain", "turn"), "f64", "1", "unit complex number or quaternion", True))
+    if tumbles:
+        long_name = "angular momentum half a step before, world frame"
+        rows.append(Variable("angular_momentum", ("grain", "spin"), "f64", "kg m2 s-1", long_name, True))
+    if several:
+        long_name = "orientation when the list was built"
+        rows.append(Variable("built_orientation", ("grain", "turn"), "f64", "1", long_name, True))
     if shaped:
         rows += [
             Variable("shape", ("grain",), "i32", "1", "row of the shape table", True),
@@ -158,54 +165,8 @@ class Grains:
         self.previous_slot.from_numpy(previous)
 
 
-SHAPE_ROWS = [
-    Variable("first", ("shape",), "i32", "1", "first patch of the shape"),
-    Variable("patches", ("shape",), "i32", "1", "number of patches of the shape"),
-]
-PATCH_ROWS = [
-    Variable("centre", ("patch", "space"), "real", "1", "patch centre in units of the grain's scale, body frame"),
-    Variable("patch_radius", ("patch",), "real", "1", "patch radius in units of the grain's scale"),
-    Variable("seam", ("patch", "space"), "real", "1", "unit normal where the patch begins, body frame"),
-]
-
-
-@ti.data_oriented
-class Shapes:
-    """Shared table of arc chains; every shape is stored once and scaled per grain.
-
-    Each shape owns patches + 1 rows: the last repeats the first, so that an arc and its successor read the very
-    same seam vector and a normal on the seam belongs to exactly one of them.
-    """
-
-    def __init__(self, dim, shapes):
-        table = allocate(SHAPE_ROWS, rounded_capacity(len(shapes)), {})
-        rows = sum(s.patch_count + 1 for s in shapes)
-        patch = allocate(PATCH_ROWS, rounded_capacity(rows), {"space": dim})
-        for name, field in {**vars(table), **vars(patch)}.items():
-            setattr(self, name, field)
-        self.dim = dim
-        when_allocated(lambda: self.fill(shapes))
-
-    def fill(self, shapes):
-        """Write the table; the shapes must fit the capacity it was made with."""
-        counts = np.array([s.patch_count for s in shapes])
-        first = np.concatenate([[0], np.cumsum(counts + 1)])
-        if len(counts) > self.first.shape[0] or first[-1] > self.centre.shape[0]:
-            raise InputError(f"shapes: {first[-1]} rows of patches, there is room for {self.centre.shape[0]}")
-        centre, radius, seam = [], [], []
-        for shape in shapes:
-            closed = np.append(np.arange(shape.patch_count), 0)
-            centre.append(shape.centre[closed])
-            radius.append(shape.radius[closed])
-            seam.append(shape.seam[closed] if len(shape.seam) else np.zeros((2, self.dim)))
-        _fill(self.first, first[:-1])
-        _fill(self.patches, counts)
-        _fill(self.centre, np.concatenate(centre))
-        _fill(self.patch_radius, np.concatenate(radius))
-        _fill(self.seam, np.concatenate(seam))
-
-
-def _fill(field, values):
+def fill_rows(field, values):
+    """Write the first rows of a field; the others keep what they hold."""
     raw = field.to_numpy()
     raw[: len(values)] = values
     field.from_numpy(raw)

@@ -54,7 +54,7 @@ def reload(sim, dt=None, **columns):
         sim.pairs.pair_torque.fill(0.0)
     if sim.pairs.history_size:
         sim.pairs.history.fill(0.0)
-    if sim.pairs.shaped:
+    if sim.pairs.remembers_feature:
         sim.pairs.feature.fill(-1)
     if sim.forces.ledger:
         sim.grains.dissipated.fill(0.0)
@@ -64,8 +64,7 @@ def reload(sim, dt=None, **columns):
     if dt is not None:
         set_dt(sim, dt)
     sim.step = 0
-    sim.forces.fault_code[None] = 0
-    sim.forces.fault_pair[None] = 0
+    sim.faults.clear()
     sim._rebuild()
     sim._begin()
 

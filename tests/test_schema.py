@@ -4,10 +4,11 @@ import dataclasses
 
 import pytest
 
+from taichi_lsm.contact import chains, cones, parts, polyhedra
 from taichi_lsm.contact.pairs import pair_variables
 from taichi_lsm.layer import layer_rows
 from taichi_lsm.schema import DTYPES, Variable
-from taichi_lsm.state import PATCH_ROWS, SHAPE_ROWS, grain_variables
+from taichi_lsm.state import grain_variables
 
 
 def test_variable_is_plain_and_frozen():
@@ -35,7 +36,10 @@ def test_refusals_name_the_row(changes, message):
 
 
 def test_names_are_unique_and_dtypes_known():
-    tables = [grain_variables(True, True, True, 2), pair_variables(True, True, 3), SHAPE_ROWS, PATCH_ROWS, layer_rows()]
+    surfaces = [chains.PATCH_ROWS, polyhedra.FEATURE_ROWS, polyhedra.BOUND_ROWS, cones.patch_rows(), parts.BALL_ROWS]
+    grains = grain_variables(True, True, True, 2, onset=True, tumbles=True, several=True)
+    pairs = [pair_variables(True, kind, 3, True, True) for kind in ("chain", "polyhedron", "cones")]
+    tables = [grains, *pairs, *surfaces, layer_rows()]
     for rows in tables:
         assert len({row.name for row in rows}) == len(rows)
         assert {row.dtype for row in rows} <= set(DTYPES)
@@ -43,5 +47,5 @@ def test_names_are_unique_and_dtypes_known():
 
 def test_everything_that_a_restart_needs_is_marked():
     """Positions, velocities, histories: a continued run reads the rows marked restart and no others."""
-    marked = {row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, True, 1) if row.restart}
+    marked = {row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, "chain", 1) if row.restart}
     assert {"position", "velocity", "spin", "orientation", "dissipated", "history", "status", "partner_id"} <= marked

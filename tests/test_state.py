@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.contact.chains import ChainTable
 from taichi_lsm.contact.pairs import pair_variables
-from taichi_lsm.state import Grains, Shapes, bytes_per_row, grain_variables, rounded_capacity
+from taichi_lsm.state import Grains, bytes_per_row, grain_variables, rounded_capacity
 from tests import scenes
 
 REAL = 8 if scenes.PRECISION == "f64" else 4
@@ -64,9 +65,9 @@ def test_bytes_of_a_grain_and_of_a_pair(runtime):
     angular = grain_variables(True, True, True, 0)
     assert bytes_per_row(angular, SIZES) - bytes_per_row(rolling, SIZES) == 2 * 8 + 4 + 2 * REAL
     assert bytes_per_row(grain_variables(False, False, False, 2), SIZES) - bytes_per_row(plain, SIZES) == 2 * 8
-    slim = pair_variables(rotates=False, shaped=False, history=0)
+    slim = pair_variables(rotates=False, kind="sphere", history=0)
     assert bytes_per_row(slim, SIZES) == 3 * 4 + 2 * REAL
-    full = pair_variables(rotates=True, shaped=True, history=2)
+    full = pair_variables(rotates=True, kind="chain", history=2)
     assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 2 * REAL
 
 
@@ -118,7 +119,7 @@ def test_capacity_is_rounded_by_an_eighth_at_most():
 
 def test_shape_table_repeats_the_first_patch_of_every_shape(runtime):
     shapes = [lsm.disc(), *lsm.random_angular_shapes(3, 1)]
-    table = Shapes(2, shapes)
+    table = ChainTable(shapes)
     for row, shape in enumerate(shapes):
         first, patches = table.first[row], table.patches[row]
         assert patches == shape.patch_count

@@ -7,6 +7,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 
+SEGMENTS = 32  # chords in a quarter of a circle, in sections
 ARC_STEP = 0.3  # rad, longest chord of an outline
 MAP = "cividis"  # stays in order for colour-blind eyes and in grey
 BAR = "velocity along the shear / velocity of the top platen [1]"
@@ -38,12 +39,46 @@ def read_snapshot(path, index=-1):
         outlines = _turned_outlines(grains, now)
     else:
         off = np.mod(position[:, 2], period[1]) - 0.5 * period[1]
-        radius = 1e3 * now.bounding_radius.values
-        cut = np.abs(off) < radius
-        outlines = [r * _arc(0.0, np.pi) for r in np.sqrt(radius[cut] ** 2 - off[cut] ** 2)]
+        outlines = _sections(grains, now, off)
+        cut = np.array([o is not None for o in outlines])
+        outlines = [o for o in outlines if o is not None]
         position, velocity, glued = position[cut, :2], velocity[cut], glued[cut]
     position[:, 0] %= period[0]
     return Snapshot(outlines, position, velocity, glued, period[0])
+
+
+def _sections(grains, now, off):
+    """Outline (points, 2) [mm] of every 3D grain in a plane that passes `off` [mm] below its centre, None if it misses.
+
+    A grain is the common part of the balls of its faces, so its section is the common part of discs.
+    """
+    import shapely
+
+    centre, radius = grains.patch_centre.values, grains.patch_radius.values
+    ends = np.cumsum(grains.patch_count.values)
+    scale, reach = 1e3 * now.shape_scale.values, 1e3 * now.bounding_radius.values
+    result = []
+    for g, s in enumerate(now.shape_index.values):
+        if abs(off[g]) >= reach[g]:
+            result.append(None)
+            continue
+        own = slice(ends[s] - grains.patch_count.values[s], ends[s])
+        p, r = centre[own], radius[own]
+        p, r = p[(p**2).sum(axis=1) <= r**2], r[(p**2).sum(axis=1) <= r**2]  # vertices do not hold the centre
+        if "orientation" in now:
+            p = _rotated(now.orientation.values[g], p)
+        square = (scale[g] * r) ** 2 - (scale[g] * p[:, 2] + off[g]) ** 2
+        discs = shapely.buffer(shapely.points(scale[g] * p[:, :2]), np.sqrt(np.maximum(square, 0.0)), quad_segs=SEGMENTS)
+        section = shapely.intersection_all(discs)
+        result.append(None if section.is_empty else np.array(section.exterior.coords))
+    return result
+
+
+def _rotated(quaternion, vectors):
+    """Body vectors (n, 3) in the world frame; unit quaternion w, x, y, z."""
+    w, axis = quaternion[0], quaternion[1:]
+    across = 2.0 * np.cross(axis, vectors)
+    return vectors + w * across + np.cross(axis, across)
 
 
 def _turned_outlines(grains, now):

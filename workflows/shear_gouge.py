@@ -20,6 +20,7 @@ from workflows.summary import Figure, write_summary
 SAMPLES_PER_ROW = 10
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
+SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
@@ -78,8 +79,6 @@ class Params(BaseParams):
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {least:g}: "
                 f"the steady state needs {LEAST_ROWS} rows"
             )
-        if self.dim == 3 and self.shape == "angular":
-            problems.append("--dim 3: angular grains are available in 2D only, spheres in both")
         least_kappa = 5.0 / self.corner_radius
         if self.shape == "angular" and self.stiffness_number < least_kappa:
             problems.append(
@@ -124,12 +123,13 @@ def build(params) -> "lsm.Scene":
     count = p.grains or round(PACKED[dim] * thickness * float(np.prod(lengths)) / (one.measure * d**dim))
     shapes = [one]
     if p.shape == "angular":
-        shapes += lsm.random_angular_shapes(min(count, 200), p.seed, p.corner_radius)
+        angular = lsm.random_angular_shapes if dim == 2 else lsm.random_angular_polyhedra
+        shapes += angular(min(count, SHAPES[dim]), p.seed, p.corner_radius)
     scale = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     shape = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
     reach = np.array([s.bounding_radius for s in shapes])[shape] * scale
     loose = lsm.loose_packing(rng, reach, lengths, dim)
-    angle = rng.uniform(0.0, 2.0 * np.pi, count)
+    turns = lsm.random_rotations(rng, count, dim)
 
     platens = [lsm.rough_platen(rng, p.smallest_diameter, p.largest_diameter, lengths, dim) for _ in range(2)]
     (low, low_size), (high, high_size) = platens
@@ -157,7 +157,7 @@ def build(params) -> "lsm.Scene":
         shape=np.concatenate([shape, np.zeros(len(glued), int)]),
         position=position,
         scale=scene_size,
-        angle=np.concatenate([angle, np.zeros(len(glued))]),
+        **_turned(turns, len(glued)),
         density=p.density,
         platen=np.concatenate([np.full(count, -1), glued]),
         platens=[
@@ -173,6 +173,13 @@ def build(params) -> "lsm.Scene":
         area=area,
         safety=p.step_safety,
     )
+
+
+def _turned(turns, glued):
+    """Orientations of the mobile grains as given, of the glued ones none, by the name that `Scene` uses."""
+    if turns.ndim == 1:
+        return {"angle": np.concatenate([turns, np.zeros(glued)])}
+    return {"orientation": np.concatenate([turns, np.tile([1.0, 0.0, 0.0, 0.0], (glued, 1))])}
 
 
 def _driven(p, velocity):

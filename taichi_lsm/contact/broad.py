@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..errors import SimulationError
-from ..runtime import ti, when_allocated
-from .pairs import Pairs
+from ..runtime import current, ti, when_allocated
+from .pairs import PART_BASE, Pairs
 
 # Cells per axis of the sparse grid: two pointer levels over dense blocks, all powers of two (a struct-for over
 # other extents skips cells). On open axes the index wraps round at the extent: far cells then share a bucket,
@@ -96,9 +96,10 @@ class SparseGrid:
 class NeighbourSearch:
     """Finds the pairs nearer than the sum of bounding radii plus the skin [m], with the help of a sparse grid."""
 
-    def __init__(self, grains, domain, skin):
+    def __init__(self, grains, domain, skin, parts=None):
         self.grains = grains
         self.domain = domain
+        self.parts, self.several = parts, parts is not None
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
@@ -149,17 +150,42 @@ class NeighbourSearch:
             while l > 0:
                 if g.id[l - 1] > g.id[k]:
                     if self.near(k, l - 1):
-                        if ti.static(fill):
-                            at = s + found
-                            while at > s and p.partner_id[at - 1] > g.id[l - 1]:
-                                p.partner_id[at] = p.partner_id[at - 1]
-                                p.partner[at] = p.partner[at - 1]
-                                at -= 1
-                            p.partner_id[at] = g.id[l - 1]
-                            p.partner[at] = l - 1
-                        found += 1
+                        if ti.static(self.several):
+                            for a in range(self.parts.count[g.shape[k]]):
+                                for b in range(self.parts.count[g.shape[l - 1]]):
+                                    if self.near_parts(k, l - 1, a, b):
+                                        if ti.static(fill):
+                                            self.insert(s, found, k, l - 1, a * PART_BASE + b, p)
+                                        found += 1
+                        else:
+                            if ti.static(fill):
+                                self.insert(s, found, k, l - 1, 0, p)
+                            found += 1
                 l = self.grid.next[l - 1]
         return found
+
+    @ti.func
+    def near_parts(self, k, l, a, b):
+        """Do part a of grain k and part b of grain l belong on the list?"""
+        g = self.grains
+        d = ti.cast(self.domain.displacement(g.position[k], g.position[l]), current().real)
+        return self.parts.apart(k, l, a, b, d) < ti.cast(self.skin[None], current().real)
+
+    @ti.func
+    def insert(self, s, found, k, l, code, p: ti.template()):
+        """Put grain l into the row that begins at list slot s and holds `found` pairs, in the order of ids and parts."""
+        g = self.grains
+        at = s + found
+        while at > s and p.partner_id[at - 1] > g.id[l]:
+            p.partner_id[at] = p.partner_id[at - 1]
+            p.partner[at] = p.partner[at - 1]
+            if ti.static(self.several):
+                p.part_code[at] = p.part_code[at - 1]
+            at -= 1
+        p.partner_id[at] = g.id[l]
+        p.partner[at] = l
+        if ti.static(self.several):
+            p.part_code[at] = code
 
     @ti.kernel
     def count_partners(self):
@@ -237,16 +263,20 @@ class NeighbourList:
             first = p.row_start[k]
             self.search.visit(k, first, p, True)
             g.built_position[k] = g.position[k]
+            if ti.static(p.several):
+                g.built_orientation[k] = g.orientation[k]
             old = g.previous_slot[k]
             o = p.old_start[old]
             end = p.old_start[old + 1]
-            for s in range(first, p.row_start[k + 1]):  # both rows rise in partner id: a merge
-                while o < end and p.old.partner_id[o] < p.partner_id[s]:
-                    o += 1
+            for s in range(first, p.row_start[k + 1]):  # both rows rise in partner id and part: a merge
+                order = -1
+                while o < end and order < 0:
+                    order = p.rank(o, s)
+                    if order < 0:
+                        o += 1
                 match = -1
-                if o < end:
-                    if p.old.partner_id[o] == p.partner_id[s]:
-                        match = o
+                if o < end and order == 0:
+                    match = o
                 p.restore(s, match)
             g.previous_slot[k] = k
 
@@ -285,7 +315,8 @@ def morton_code(cell):
 
 def grown(pairs, dim, grain_capacity, rotates, capacity):
     """Larger storage with the rows of `pairs` copied, so that a rebuild can carry their memory over."""
-    larger = Pairs(dim, grain_capacity, capacity, rotates, pairs.shaped, pairs.history_size, pairs.onset)
+    kind, history, onset, several = pairs.kind, pairs.history_size, pairs.onset, pairs.several
+    larger = Pairs(dim, grain_capacity, capacity, rotates, kind, history, onset, several)
     for name in ["row_start"] + [v.name for v in pairs.variables]:
         raw = getattr(larger, name).to_numpy()
         small = getattr(pairs, name).to_numpy()

@@ -4,16 +4,18 @@ from ..runtime import ti
 from ..schema import Variable
 from ..state import allocate, bytes_per_row, rounded_capacity, spin_size
 
+PART_BASE = 2**15  # of `part_code`: more parts than any grain has
 # Bits of `status`.
 TOUCHING = 1
 SLIDING = 2
 KICKED = 4
 
 
-def pair_variables(rotates, shaped, history, onset=False):
+def pair_variables(rotates, kind, history, onset=False, several=False):
     """Rows stored per slot of the neighbour list.
 
-    history: number of values that the effects remember; onset: impulses correct the begin and end of contacts.
+    kind: of the surfaces, sphere | chain | polyhedron | cones; history: number of values that the effects remember;
+    onset: impulses correct the begin and end of contacts; several: each slot is a pair of parts of the grains.
     """
     rows = [
         Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
@@ -31,8 +33,12 @@ def pair_variables(rotates, shaped, history, onset=False):
         if rotates:
             long_name = "angular impulse on the second grain"
             rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
-    if shaped:
-        rows.append(Variable("feature", ("contact", "two"), "i32", "1", "patches that face each other", True))
+    if kind in ("chain", "polyhedron"):
+        rows.append(Variable("feature", ("contact", "two"), "i32", "1", "features that face each other", True))
+    if kind == "polyhedron":
+        rows.append(Variable("normal", ("contact", "space"), "real", "1", "last normal, first to second", True))
+    if several:
+        rows.append(Variable("part_code", ("contact",), "i32", "1", "first part * 32768 + second part", True))
     if history:
         rows.append(Variable("history", ("contact", "history"), "real", "1", "values kept by the effects", True))
     return rows
@@ -42,17 +48,20 @@ def pair_variables(rotates, shaped, history, onset=False):
 class Pairs:
     """Half list in CSR order (each pair at its lower id) and its transpose, with the pair's memory per slot."""
 
-    def __init__(self, dim, grain_capacity, capacity, rotates, shaped, history, onset=False):
+    def __init__(self, dim, grain_capacity, capacity, rotates, kind, history, onset=False, several=False):
         self.capacity = rounded_capacity(capacity)
         self.history_size = history
-        self.shaped = shaped
+        self.kind = kind
         self.rotates = rotates
         self.onset = onset
+        self.several = several
+        self.remembers_feature = kind in ("chain", "polyhedron")
+        self.remembers_normal = kind == "polyhedron"
         self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2}
-        self.variables = pair_variables(rotates, shaped, history, onset)
+        self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
-        kept = {"partner_id", "status", "feature", "history", "last_depth"}
+        kept = {"partner_id", "part_code", "status", "feature", "normal", "history", "last_depth"}
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
@@ -61,6 +70,25 @@ class Pairs:
         self.column_start = ti.field(ti.i32, grain_capacity + 1)
         self.old_start = ti.field(ti.i32, grain_capacity + 1)
         self.cursor = ti.field(ti.i32, grain_capacity + 1)
+
+    @ti.func
+    def code(self, s):
+        """Which parts of the two grains list slot `s` is about; 0 for grains of one part."""
+        result = 0
+        if ti.static(self.several):
+            result = self.part_code[s]
+        return result
+
+    @ti.func
+    def rank(self, o, s):
+        """Order of old slot `o` against slot `s` of the same row: -1 before, 0 the same pair, 1 after."""
+        result = ti.select(self.old.partner_id[o] < self.partner_id[s], -1, 1)
+        if self.old.partner_id[o] == self.partner_id[s]:
+            result = 0
+            if ti.static(self.several):
+                if self.old.part_code[o] != self.part_code[s]:
+                    result = ti.select(self.old.part_code[o] < self.part_code[s], -1, 1)
+        return result
 
     def bytes_per_pair(self):
         """Memory of one list slot, the copy needed at a rebuild, the transpose and the near pairs included [bytes]."""
@@ -71,8 +99,12 @@ class Pairs:
         """Copy what must survive a rebuild of the list."""
         self.old.partner_id[s] = self.partner_id[s]
         self.old.status[s] = self.status[s]
-        if ti.static(self.shaped):
+        if ti.static(self.several):
+            self.old.part_code[s] = self.part_code[s]
+        if ti.static(self.remembers_feature):
             self.old.feature[s] = self.feature[s]
+        if ti.static(self.remembers_normal):
+            self.old.normal[s] = self.normal[s]
         if ti.static(self.history_size > 0):
             self.old.history[s] = self.history[s]
         if ti.static(self.onset):
@@ -85,7 +117,7 @@ class Pairs:
         self.pair_force[s] = ti.Vector([0.0] * self.sizes["space"])
         if ti.static(self.rotates):
             self.pair_torque[s] = ti.Vector([0.0] * self.sizes["spin"])
-        if ti.static(self.shaped):
+        if ti.static(self.remembers_feature):
             self.feature[s] = ti.Vector([-1, -1])  # not known yet
         if ti.static(self.history_size > 0):
             self.history[s] = ti.Vector([0.0] * self.history_size)
@@ -93,8 +125,10 @@ class Pairs:
             self.last_depth[s] = 0.0
         if o >= 0:
             self.status[s] = self.old.status[o]
-            if ti.static(self.shaped):
+            if ti.static(self.remembers_feature):
                 self.feature[s] = self.old.feature[o]
+            if ti.static(self.remembers_normal):
+                self.normal[s] = self.old.normal[o]
             if ti.static(self.history_size > 0):
                 self.history[s] = self.old.history[o]
             if ti.static(self.onset):

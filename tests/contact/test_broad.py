@@ -26,7 +26,7 @@ class Finder:
         self.domain = Domain((10.0,) * dim, periodic)
         self.search = NeighbourSearch(self.grains, self.domain, SKIN)
         capacity = self.grains.slot_of.shape[0]
-        self.pairs = Pairs(dim, capacity, COUNT * COUNT // 2, True, True, 2)
+        self.pairs = Pairs(dim, capacity, COUNT * COUNT // 2, True, "chain", 2)
         self.list = NeighbourList(self.search, self.pairs)
 
     def find(self, position, radius, lengths):

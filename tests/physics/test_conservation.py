@@ -58,7 +58,7 @@ def momenta(sim):
     mass, inertia = sim.scene.masses()
     x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "spin"))
     orbital = np.cross(x, v) if x.shape[1] == 3 else (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])[:, None]
-    angular = mass[:, None] * orbital + inertia[:, None] * omega
+    angular = mass[:, None] * orbital + inertia * omega
     linear = (mass[:, None] * v).sum(axis=0)
     return linear, (mass * np.linalg.norm(v, axis=1)).sum(), angular.sum(axis=0), np.abs(angular).sum()
 

@@ -42,7 +42,7 @@ def collisions(integrator, dt=1e-3, time=4.0):
 
     def energy():
         v, omega = sim.state.velocity.to_numpy(), sim.state.spin.to_numpy()[:, 0]
-        each = 0.5 * mass * (v**2).sum(axis=1) + 0.5 * inertia * omega**2
+        each = 0.5 * mass * (v**2).sum(axis=1) + 0.5 * inertia[:, 0] * omega**2
         return each[::2] + each[1::2]
 
     before = energy()

@@ -33,7 +33,6 @@ def test_there_is_no_option_shape():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"dim": 3}, "2D only"),
         ({"replicas": 0}, "replicas"),
         ({"seed": 2**31 - 2}, "last seed"),
         ({"smallest_diameter": 1.0}, "largest-diameter"),

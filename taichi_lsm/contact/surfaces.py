@@ -1,0 +1,24 @@
+"""Which contact geometry a set of shapes needs; a scene has one, and spheres need none."""
+
+from ..errors import InputError
+from .chains import ChainTable
+from .cones import ConeTable
+from .polyhedra import PolyhedronTable
+
+TABLES = {"chain": ChainTable, "polyhedron": PolyhedronTable, "cones": ConeTable}
+
+
+def kind_of(shapes):
+    """sphere | chain | polyhedron | cones. Discs and spheres go with every kind. Raises InputError for a mixture."""
+    first = {}
+    for shape in shapes:
+        if shape.patch_count > 1:
+            first.setdefault(shape.kind, shape.name)
+    if len(first) > 1:
+        raise InputError(f"Scene.shapes: surfaces of different kinds cannot meet, but there are {first}")
+    return next(iter(first), "sphere")
+
+
+def surface_table(kind, shapes):
+    """The device table of all parts of the shapes; None for spheres."""
+    return None if kind == "sphere" else TABLES[kind]([part for shape in shapes for part in shape.parts])

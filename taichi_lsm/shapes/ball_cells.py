@@ -1,0 +1,248 @@
+"""The common part of balls: its faces, edges and vertices, and the cones of normals that they own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+MERGE = 1e-9  # of the size: vertices nearer than this are one, edges shorter than this are none
+LONGEST_EDGE = np.radians(120.0)  # of an edge's arc; longer ones are cut, for a wedge must stay below pi
+
+
+@dataclass(frozen=True)
+class Features:
+    """Features of a cell of balls, in the order faces, edges, vertices; see BallPolyhedron. Core only, no dilation.
+
+    centre (f, 3); radius (f,): of a face's ball, else 0; axis (f, 3), rho (f,): circle of an edge, axis out of its
+    first face; side (edges, 2): its faces; start, span (edges,) [rad]: its arc, from `across` (edges, 3, 2), two unit
+    vectors; ends (edges, 2): vertices, -1 at a cut; bounds as in BallPolyhedron.
+    """
+
+    faces: int
+    edges: int
+    vertices: int
+    centre: NDArray
+    radius: NDArray
+    axis: NDArray
+    rho: NDArray
+    side: NDArray
+    across: NDArray
+    start: NDArray
+    span: NDArray
+    ends: NDArray
+    first_bound: NDArray
+    bound: NDArray
+    offset: NDArray
+    beyond: NDArray
+
+    def moved(self, rotation: NDArray, shift: NDArray) -> Features:
+        """Turned by a rotation matrix, then shifted."""
+        return replace(
+            self,
+            centre=self.centre @ rotation.T + shift,
+            axis=self.axis @ rotation.T,
+            across=rotation @ self.across,
+            bound=self.bound @ rotation.T,
+        )
+
+    def circle(self, e: int, angle: NDArray) -> NDArray:
+        """Unit vectors (k, 3) from the centre of edge e's circle to its points at these angles (k,) [rad]."""
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.across[e].T
+
+    def slopes(self, e: int) -> tuple[float, float]:
+        """(n . axis of the first face's normals along edge e, the same of the second face)."""
+        f = self.faces + e
+        values = []
+        for face in self.side[e]:
+            values.append(float((self.centre[f] - self.centre[face]) @ self.axis[f] / self.radius[face]))
+        return values[0], values[1]
+
+    def farthest(self) -> float:
+        """Greatest distance of the core from the origin."""
+        reach = [0.0, *np.linalg.norm(self.centre[self.faces + self.edges :], axis=1)]
+        for f in range(self.faces):
+            away = np.linalg.norm(self.centre[f])
+            own = slice(self.first_bound[f], self.first_bound[f + 1])
+            if self.bound[own].size == 0 or away == 0.0:
+                reach.append(away + self.radius[f] if self.bound[own].size == 0 or away > 0 else self.radius[f])
+            elif np.all(self.bound[own] @ self.centre[f] <= away * self.offset[own]):
+                reach.append(away + self.radius[f])
+        for e in range(self.edges):
+            f = self.faces + e
+            flat = self.centre[f] @ self.across[e]
+            angle = np.mod(np.arctan2(flat[1], flat[0]) - self.start[e], 2.0 * np.pi)
+            if angle <= self.span[e]:
+                x = self.centre[f] + self.rho[f] * self.circle(e, np.array([self.start[e] + angle]))[0]
+                reach.append(np.linalg.norm(x))
+        return float(max(reach))
+
+
+def cell_of_balls(p: NDArray, big: NDArray) -> Features:
+    """Features of the intersection of the balls B(p_i, R_i), p (n, 3), big (n,).
+
+    Each circle where two spheres meet is cut by all other balls; what is left of it are edges.
+    Raises ValueError if the balls have no common part, one ball hides all others wrongly, or faces, edges and
+    vertices do not close to a polyhedron.
+    """
+    kept = _not_hidden(p, big)
+    p, big = p[kept], big[kept]
+    if len(p) == 1:
+        return _lone_ball(p, big)
+    size = 2.0 * big.min()
+    edges = [edge for i in range(len(p)) for j in range(i + 1, len(p)) for edge in _edges_between(p, big, i, j)]
+    if not edges:
+        raise ValueError("centres, radii: the balls have no common part with an edge")
+    faces = sorted({f for edge in edges for f in edge["side"]})
+    index = {f: k for k, f in enumerate(faces)}
+    points = np.array([x for edge in edges for x in edge["tips"] if edge["tips_are_vertices"]]).reshape(-1, 3)
+    vertex, of_tip = _merged(points, MERGE * size)
+    ends, at = np.full((len(edges), 2), -1), 0
+    for e, edge in enumerate(edges):
+        if edge["tips_are_vertices"]:
+            ends[e], at = of_tip[at : at + 2], at + 2
+    if len(vertex) and len(vertex) - len(edges) + len(faces) != 2:
+        raise ValueError(
+            f"centres, radii: {len(faces)} faces, {len(edges)} edges and {len(vertex)} vertices do not close "
+            "(faces - edges + vertices must be 2): slivers, or faces in several pieces"
+        )
+    return _assembled(p[faces], big[faces], edges, index, vertex, ends)
+
+
+def _not_hidden(p: NDArray, big: NDArray) -> NDArray:
+    """Balls that do not hold another one whole; of equal ones the first."""
+    kept = np.ones(len(p), bool)
+    for i in range(len(p)):
+        away = np.linalg.norm(p - p[i], axis=1)
+        if np.any(away > big + big[i]):
+            raise ValueError(f"centres, radii: ball {i} does not meet all others")
+        inside = (away <= big[i] - big) & kept
+        inside[i] = False
+        kept[i] = not inside.any()
+    return np.flatnonzero(kept)
+
+
+def _lone_ball(p: NDArray, big: NDArray) -> Features:
+    none, empty = np.zeros((0, 3)), np.zeros(0)
+    index = np.zeros((0, 2), int)
+    rows = (none, empty, empty.astype(int))
+    return Features(
+        1, 0, 0, p, big, np.zeros((1, 3)), np.zeros(1), index, np.zeros((0, 3, 2)), empty, empty, index,
+        np.zeros(2, int), *rows,
+    )  # fmt: skip
+
+
+def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict]:
+    """What the other balls leave of the circle where spheres i and j meet."""
+    gap = p[i] - p[j]
+    length = np.linalg.norm(gap)
+    if length <= abs(big[i] - big[j]) or length < 1e-12 * big[i]:
+        return []
+    axis = gap / length  # out of face i: inside ball j means against it
+    along = (length**2 + big[i] ** 2 - big[j] ** 2) / (2.0 * length)
+    centre = p[i] - along * axis
+    rho = np.sqrt(max(big[i] ** 2 - along**2, 0.0))
+    if rho == 0.0:
+        return []
+    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    u /= np.linalg.norm(u)
+    across = np.stack([u, np.cross(axis, u)], axis=1)
+    others = np.setdiff1d(np.arange(len(p)), (i, j))
+    off = centre - p[others]
+    flat = 2.0 * rho * off @ across
+    swing = np.linalg.norm(flat, axis=1)
+    room = big[others] ** 2 - rho**2 - np.sum(off**2, axis=1)  # on the circle: flat . (cos, sin) <= room
+    if np.any(room <= -swing):
+        return []
+    cutting = room < swing
+    middle = np.arctan2(flat[cutting, 1], flat[cutting, 0])  # where the circle leaves the ball farthest
+    half = np.arccos(np.clip(room[cutting] / swing[cutting], -1.0, 1.0))
+    arcs = _free_arcs(middle - half, 2.0 * half)
+    base = {"centre": centre, "axis": axis, "rho": rho, "across": across, "side": (i, j)}
+    result = []
+    for start, span, whole in arcs:
+        if rho * span < MERGE * 2.0 * big.min():
+            continue
+        tips = centre + rho * np.stack([np.cos([start, start + span]), np.sin([start, start + span])], axis=1) @ across.T
+        result.append(base | {"start": start, "span": span, "tips": tips, "tips_are_vertices": not whole})
+    return result
+
+
+def _free_arcs(start: NDArray, span: NDArray) -> list[tuple[float, float, bool]]:
+    """(start, span, is the whole circle) of the arcs that none of the intervals (start, span) [rad] covers."""
+    turn = 2.0 * np.pi
+    if len(start) == 0:
+        return [(0.0, turn, True)]
+    start = np.mod(start, turn)
+    order = np.argsort(start)
+    start, span = start[order], span[order]
+    reached = np.maximum.accumulate(start + span)
+    before = np.maximum(np.concatenate([[reached[-1] - turn], reached[:-1]]), reached[-1] - turn)
+    gaps = start - before
+    return [(float(b), float(g), False) for b, g in zip(before, gaps) if g > 0.0]
+
+
+def _merged(points: NDArray, width: float) -> tuple[NDArray, NDArray]:
+    """Distinct points (m, 3), their coordinates averaged, and for each given point which of them it is."""
+    which = np.full(len(points), -1)
+    centres = []
+    for k in range(len(points)):
+        if which[k] < 0:
+            same = np.linalg.norm(points - points[k], axis=1) < width
+            which[same & (which < 0)] = len(centres)
+            centres.append(points[same].mean(axis=0))
+    return np.array(centres).reshape(-1, 3), which
+
+
+def _assembled(p, big, edges, index, vertex, ends) -> Features:
+    """Number the features, cut edges that are too long, and write down the bounds of every cone."""
+    faces = len(p)
+    pieces = []
+    for e, edge in enumerate(edges):
+        count = int(np.ceil(edge["span"] / LONGEST_EDGE - 1e-9))
+        for c in range(count):
+            tip = (ends[e, 0] if c == 0 else -1, ends[e, 1] if c == count - 1 else -1)
+            whole = not edge["tips_are_vertices"]
+            left = len(pieces) - 1 if c else len(pieces) + count - 1 if whole else None
+            right = len(pieces) + 1 if c < count - 1 else len(pieces) - count + 1 if whole else None
+            span = edge["span"] / count
+            pieces.append(edge | {"start": edge["start"] + c * span, "span": span, "ends": tip, "next": (left, right)})
+    bounds = [[] for _ in range(faces + len(pieces) + len(vertex))]
+
+    def part(f, g, a, b):
+        """n beyond a.n <= b leaves feature f for feature g."""
+        bounds[f].append((a, b, g))
+        bounds[g].append((-a, -b, f))
+
+    for e, piece in enumerate(pieces):
+        f = faces + e
+        i, j = (index[s] for s in piece["side"])
+        part(i, f, piece["axis"], (piece["centre"] - p[i]) @ piece["axis"] / big[i])
+        part(j, f, -piece["axis"], -((piece["centre"] - p[j]) @ piece["axis"]) / big[j])
+        for tip, sign, angle in ((0, 1.0, piece["start"]), (1, -1.0, piece["start"] + piece["span"])):
+            inward = sign * (piece["across"] @ np.array([-np.sin(angle), np.cos(angle)]))
+            if piece["ends"][tip] >= 0:
+                part(f, faces + len(pieces) + piece["ends"][tip], -inward, 0.0)
+            elif tip == 1:  # a cut is written once, by the piece before it
+                part(f, faces + piece["next"][1], -inward, 0.0)
+    flat = [bound for own in bounds for bound in own]
+    zero = np.zeros((len(vertex), 3))
+    return Features(
+        faces=faces,
+        edges=len(pieces),
+        vertices=len(vertex),
+        centre=np.concatenate([p, [q["centre"] for q in pieces], vertex]),
+        radius=np.concatenate([big, np.zeros(len(pieces) + len(vertex))]),
+        axis=np.concatenate([np.zeros_like(p), [q["axis"] for q in pieces], zero]),
+        rho=np.concatenate([np.zeros(faces), [q["rho"] for q in pieces], zero[:, 0]]),
+        side=np.array([[index[s] for s in q["side"]] for q in pieces]),
+        across=np.array([q["across"] for q in pieces]),
+        start=np.array([q["start"] for q in pieces]),
+        span=np.array([q["span"] for q in pieces]),
+        ends=np.array([q["ends"] for q in pieces]),
+        first_bound=np.concatenate([[0], np.cumsum([len(own) for own in bounds])]),
+        bound=np.array([a for a, _, _ in flat]),
+        offset=np.array([b for _, b, _ in flat]),
+        beyond=np.array([g for _, _, g in flat]),
+    )
