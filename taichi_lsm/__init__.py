@@ -33,6 +33,7 @@ _HOME = {
     "regular_disc_of_arcs": "shapes",
     "random_angular_shapes": "shapes",
     "pave": "shapes",
+    "pave_volume": "shapes",
     "BallPolyhedron": "shapes",
     "ball_polyhedron": "shapes",
     "tangent_ball_polyhedron": "shapes",

@@ -4,8 +4,13 @@ from .contact.narrow import sphere_overlap
 from .contact.pairs import KICKED, PART_BASE, SLIDING, TOUCHING
 from .effects import contact_type
 from .effects.base import PHASES
-from .rotation import spin_velocity, torque_of
+from .rotation import spin_velocity, torque_of, unrotate
 from .runtime import current, ti
+
+
+TRUSTED = 0.5  # deviation of a speed from depths on record, over the speed of approach
+LEAST_FRACTION = 0.03  # of a step after a seam: in less the features do not differ by more than their errors
+GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the force: more is no mere kink
 
 
 def in_order(effects):
@@ -30,10 +35,12 @@ class ContactForces:
         self.real = current().real
         self.dim = grains.dim
         self.rotates = grains.has("spin")
+        self.tumbles = grains.has("angular_momentum")
         self.ledger = grains.has("dissipated")
         self.laws = [e for e in in_order(effects) if e.phase != "body"]
         self.body_laws = [e for e in effects if e.phase == "body"]
         self.onset = pairs.onset
+        self.seams = pairs.onset and pairs.remembers_feature
         self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.books = [e for e in self.laws if e.dissipates]
         self.book_count = max(1, len(self.books))
@@ -65,11 +72,7 @@ class ContactForces:
         r_k, r_l = g.radius[k], g.radius[l]
         if d.dot(d) < (r_k + r_l) ** 2 or was != 0:
             if ti.static(self.shaped):
-                a, b = g.shape[k], g.shape[l]
-                if ti.static(self.several):
-                    code = self.pairs.part_code[s]
-                    a = self.parts.first[a] + code // PART_BASE
-                    b = self.parts.first[b] + code % PART_BASE
+                a, b = self.parts_of(k, l, s)
                 depth, n, arm_k = self.geometry.overlap(a, b, k, l, s, d)
             else:
                 depth, n, at = sphere_overlap(d, r_k, r_l)
@@ -78,6 +81,17 @@ class ContactForces:
                     self.faults.report(1, g.id[k], g.id[l])
             arm_l = arm_k - d
         return depth, n, arm_k, arm_l
+
+    @ti.func
+    def parts_of(self, k, l, s):
+        """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
+        g = self.grains
+        a, b = g.shape[k], g.shape[l]
+        if ti.static(self.several):
+            code = self.pairs.part_code[s]
+            a = self.parts.first[a] + code // PART_BASE
+            b = self.parts.first[b] + code % PART_BASE
+        return a, b
 
     @ti.func
     def spin_difference(self, omega_k, omega_l, arm_k, arm_l):
@@ -116,26 +130,111 @@ class ContactForces:
         return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
 
     @ti.func
-    def onset_kick(self, contact, s, was, depth):
+    def onset_kick(self, contact, k, l, s, was, depth, n, arm_k, arm_l):
         """Impulse along the contact in the first step after it begins or ends; 0 in all others [N s].
 
-        It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for. Its
-        speed is that of the half step; a contact that began and ended within one step leaves nothing to correct.
+        It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
+        `passage`. A contact that began and ended within one step leaves nothing to correct.
         """
-        pairs = self.pairs
         before = was & TOUCHING
         kick = 0.0 * depth
         if contact.touching != before:
-            d = depth
-            u = contact.approach
+            last = self.pairs.last_depth[s]
+            d, u = depth, contact.approach
             if before == 1:
-                d = pairs.last_depth[s]
-                u = -u
-            if u > 0.0 and d < u * contact.dt:
+                d, u = last, -u
+            acceleration = 0.0 * depth
+            if ti.static(self.seams):
+                acceleration = self.acceleration(s, depth, contact.approach, contact.dt)
+                if acceleration != 0.0:
+                    u = ti.abs(depth - last) / contact.dt
+                if acceleration != 0.0 and before == 1:  # that of all others: the own force fades within the step
+                    ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
+                    acceleration += self.elastic_force(last) * ease
+            u, time = self.passage(d, u, acceleration, contact.dt)
+            if u > 0.0 and time < contact.dt:
                 for law in ti.static(self.springs):
-                    kick += law.onset_impulse(u, d / (u * contact.dt), contact.dt)
-        pairs.last_depth[s] = contact.depth
+                    kick += law.onset_impulse(u, acceleration, time / contact.dt, contact.dt)
         return kick
+
+    @ti.func
+    def principal(self, k, a):
+        """World vector `a` along the axes to which `inverse_inertia` of grain k belongs."""
+        result = a
+        if ti.static(self.tumbles):
+            result = unrotate(ti.cast(self.grains.orientation[k], self.real), a)
+        return result
+
+    @ti.func
+    def mobility(self, k, lever):
+        """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
+        lever = self.principal(k, lever)
+        return self.grains.inverse_mass[k] + (lever * lever * self.grains.inverse_inertia[k]).sum()
+
+    @ti.func
+    def acceleration(self, s, depth, approach, dt):
+        """Second rate of the depth [m s-2] from the depths of the last steps, 0 if they do not belong together.
+
+        Pairs whose bounding balls were apart have old depths on record; these contradict the speed of approach.
+        """
+        last, earlier = self.pairs.last_depth[s], self.pairs.earlier_depth[s]
+        new, old = (depth - last) / dt, (last - earlier) / dt
+        near = ti.abs(new - approach) < TRUSTED * ti.abs(approach) and ti.abs(old - approach) < 4 * TRUSTED * ti.abs(approach)
+        return ti.select(near, (new - old) / dt, 0.0 * depth)
+
+    @ti.func
+    def passage(self, d, u, acceleration, dt):
+        """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
+        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time."""
+        now = u + 0.5 * acceleration * dt
+        square = now * now - 2.0 * acceleration * d
+        speed, time = 0.0 * d, dt
+        if now > 0.0 and square > 0.0:
+            speed = ti.sqrt(square)
+            time = 2.0 * d / (now + speed)
+        return speed, time
+
+    @ti.func
+    def elastic_force(self, depth):
+        """Force of the springs alone at this depth [N]."""
+        contact = self.contact_type(0)
+        contact.depth = depth
+        for law in ti.static(self.springs):
+            law.on_contact(contact, 0)
+        return contact.normal_force
+
+    @ti.func
+    def remembered(self, s):
+        """(features, normal) of list slot s before the step, as far as the geometry keeps them."""
+        features = ti.Vector([0, 0])
+        n = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
+        if ti.static(self.seams):
+            features = self.pairs.feature[s]
+            if ti.static(self.pairs.remembers_normal):
+                n = self.pairs.normal[s]
+        return features, n
+
+    @ti.func
+    def seam_kick(self, k, l, s, d, before, last_n, depth, n, arm_k, dt):
+        """(impulse on l [N s], angular impulses on k and on l [N m s]) in the step in which a contact crosses a seam.
+
+        At a seam the radius of curvature jumps, and with it the rate at which the normal turns: force and torques are
+        continuous but have a kink. What the old features, continued beyond the seam, would give now differs from what
+        the new ones give by the jump of the rates times the time since the crossing, a dt. The trapezoidal rule errs
+        by -c dt^2 zeta(-1, a), c the jump of the rate, as where a contact begins.
+        """
+        a, b = self.parts_of(k, l, s)
+        fraction, old_depth, old_n, old_x = self.geometry.crossing(a, b, k, l, d, before, last_n, dt)
+        kick = 0.0 * n
+        twist_k, twist_l = torque_of(n, kick), torque_of(n, kick)
+        if fraction > LEAST_FRACTION and fraction < 1.0 and old_depth > 0.0:
+            f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_n
+            if (f - old_f).norm() < GREATEST_KINK * f.norm():
+                scale = 0.5 * dt * (fraction - 1.0 + 1.0 / (6.0 * fraction))
+                kick = scale * (f - old_f)
+                twist_k = -scale * (torque_of(arm_k, f) - torque_of(old_x, old_f))
+                twist_l = scale * (torque_of(arm_k - d, f) - torque_of(old_x - d, old_f))
+        return kick, twist_k, twist_l
 
     @ti.func
     def near_pairs(self, k):
@@ -171,6 +270,7 @@ class ContactForces:
             l = pairs.partner[s]
             d = self.shortest(k, l)
             was = pairs.status[s]
+            before, last_n = self.remembered(s)
             depth, n, arm_k, arm_l = self.overlap(k, l, s, d, was)
             if depth > 0.0 or was != 0:
                 contact = self.contact_of(k, l, depth, n, arm_k, arm_l, dt)
@@ -199,15 +299,31 @@ class ContactForces:
                         torque -= (g.radius[k] - 0.5 * depth) * turning
                 status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
                 if ti.static(self.onset):
-                    kick = self.onset_kick(contact, s, was, depth)
-                    if kick != 0.0:
+                    size = self.onset_kick(contact, k, l, s, was, depth, n, arm_k, arm_l)
+                    kick = size * n
+                    kicked = size != 0.0
+                    if ti.static(self.rotates):
+                        twist_k, twist_l = -torque_of(arm_k, kick), torque_of(arm_l, kick)
+                        if ti.static(self.seams):
+                            now = pairs.feature[s]
+                            moved = now[0] != before[0] or now[1] != before[1]
+                            if moved and (was & TOUCHING) and contact.touching == 1:
+                                kick, twist_k, twist_l = self.seam_kick(
+                                    k, l, s, d, before, last_n, depth, n, arm_k, contact.dt
+                                )
+                                kicked = True
+                        if kicked:
+                            twist += twist_k
+                            pairs.pair_twist[s] = twist_l
+                    if kicked:
                         status += KICKED
-                        pairs.pair_kick[s] = kick * n
-                        push -= kick * n
-                        if ti.static(self.rotates):
-                            pairs.pair_twist[s] = torque_of(arm_l, kick * n)
-                            twist -= torque_of(arm_k, kick * n)
+                        pairs.pair_kick[s] = kick
+                        push -= kick
                 pairs.status[s] = status
+            if ti.static(self.seams):
+                pairs.earlier_depth[s] = pairs.last_depth[s]
+            if ti.static(self.onset):
+                pairs.last_depth[s] = depth
         g.force[k] = force
         if ti.static(self.onset):
             g.kick[k] = push

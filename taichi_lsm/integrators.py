@@ -110,6 +110,16 @@ class VelocityVerlet:
         return v, omega
 
     @ti.func
+    def momentum(self, k):
+        """Angular momentum [kg m2 s-1] of grain k, in the world frame, at the time of its position (3D)."""
+        result = self.grains.angular_momentum[k]
+        if ti.static(self.half_step):
+            if self.grains.platen[k] < 0:
+                force, torque, kick, twist = self.forces.gathered(k)
+                result += torque * (0.5 * self.dt[None]) + twist
+        return result
+
+    @ti.func
     def principal(self, k, a):
         """World vector `a` along the axes to which `inverse_inertia` belongs."""
         result = a

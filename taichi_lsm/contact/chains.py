@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ..rotation import rotate, unrotate
+from ..rotation import rotate, spin_velocity, unrotate
 from ..runtime import current, ti, when_allocated
 from ..schema import Variable
 from ..state import allocate, fill_rows, rounded_capacity
-from .narrow import cone_step, cone_violation, sphere_overlap
+from .narrow import cone_step, cone_violation, cross2, sphere_overlap
 
 PART_ROWS = [
     Variable("first", ("part",), "i32", "1", "first patch of the part"),
@@ -19,6 +19,7 @@ PATCH_ROWS = [
 ]
 
 
+@ti.data_oriented
 class ChainTable:
     """Shared table of arc chains; every shape is stored once and scaled per grain.
 
@@ -129,6 +130,38 @@ class ChainContact:
         if i != feature[0] or j != feature[1]:
             pairs.feature[s] = ti.Vector([i, j])
         return depth, n, x
+
+    @ti.func
+    def leaving(self, a, k, i, u, rate):
+        """Time [s] since the body direction u of grain k left arc i of part a, turning at `rate` [rad s-1]; 0 inside."""
+        t = self.table
+        time = 0.0 * rate
+        if t.patches[a] > 1:
+            row = t.first[a] + i
+            step, _ = cone_step(u, t.seam[row], t.seam[row + 1])
+            if step < 0 and rate < 0.0:
+                time = cross2(t.seam[row], u) / rate
+            elif step > 0 and rate > 0.0:
+                time = cross2(t.seam[row + 1], u) / rate
+        return time
+
+    @ti.func
+    def crossing(self, a, b, k, l, d, before, unused, dt):
+        """What the arcs `before`, continued as circles, give now: (fraction of the step since the contact left them,
+        depth [m], unit normal, contact point relative to grain k [m])."""
+        g, t = self.grains, self.table
+        i, j = before[0], before[1]
+        x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
+        omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
+        p_i = x - n * (t.patch_radius[t.first[a] + i] * g.scale[k] - 0.5 * depth)
+        p_j = x - d + n * (t.patch_radius[t.first[b] + j] * g.scale[l] - 0.5 * depth)
+        w = p_j + d - p_i
+        v = ti.cast(g.velocity[l] - g.velocity[k], self.real) + spin_velocity(omega_l, p_j) - spin_velocity(omega_k, p_i)
+        rate = cross2(w, v) / w.dot(w)
+        time = ti.max(
+            self.leaving(a, k, i, u_k, rate - omega_k[0]), self.leaving(b, l, j, u_l, rate - omega_l[0])
+        )
+        return time / dt, depth, n, x
 
     @ti.func
     def least_violation(self, a, b, k, l, d, cap):

@@ -25,6 +25,7 @@ def patch_rows():
     ]
 
 
+@ti.data_oriented
 class ConeTable:
     """Shared table of patches; every shape is stored once and scaled per grain."""
 

@@ -17,6 +17,7 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
     kind: of the surfaces, sphere | chain | polyhedron | cones; history: number of values that the effects remember;
     onset: impulses correct the begin and end of contacts; several: each slot is a pair of parts of the grains.
     """
+    shaped = kind in ("chain", "polyhedron")
     rows = [
         Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
         Variable("partner_id", ("contact",), "i32", "1", "persistent number of the second grain", True),
@@ -28,12 +29,13 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
     if onset:
         rows += [
             Variable("last_depth", ("contact",), "real", "m", "depth in the last step", True),
+            *([Variable("earlier_depth", ("contact",), "real", "m", "depth two steps ago", True)] if shaped else []),
             Variable("pair_kick", ("contact", "space"), "real", "N s", "impulse on the second grain", True),
         ]
         if rotates:
             long_name = "angular impulse on the second grain"
             rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
-    if kind in ("chain", "polyhedron"):
+    if shaped:
         rows.append(Variable("feature", ("contact", "two"), "i32", "1", "features that face each other", True))
     if kind == "polyhedron":
         rows.append(Variable("normal", ("contact", "space"), "real", "1", "last normal, first to second", True))
@@ -61,7 +63,7 @@ class Pairs:
         self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
-        kept = {"partner_id", "part_code", "status", "feature", "normal", "history", "last_depth"}
+        kept = {"partner_id", "part_code", "status", "feature", "normal", "history", "last_depth", "earlier_depth"}
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
@@ -109,6 +111,8 @@ class Pairs:
             self.old.history[s] = self.history[s]
         if ti.static(self.onset):
             self.old.last_depth[s] = self.last_depth[s]
+            if ti.static(self.remembers_feature):
+                self.old.earlier_depth[s] = self.earlier_depth[s]
 
     @ti.func
     def restore(self, s, o):
@@ -123,6 +127,8 @@ class Pairs:
             self.history[s] = ti.Vector([0.0] * self.history_size)
         if ti.static(self.onset):
             self.last_depth[s] = 0.0
+            if ti.static(self.remembers_feature):
+                self.earlier_depth[s] = 0.0
         if o >= 0:
             self.status[s] = self.old.status[o]
             if ti.static(self.remembers_feature):
@@ -133,3 +139,5 @@ class Pairs:
                 self.history[s] = self.old.history[o]
             if ti.static(self.onset):
                 self.last_depth[s] = self.old.last_depth[o]
+                if ti.static(self.remembers_feature):
+                    self.earlier_depth[s] = self.old.earlier_depth[o]

@@ -30,6 +30,7 @@ PAIR_WALK = 12  # pairs of features that are tried before the general descent
 DESCENT = 60  # iterations of the general descent, a few of which are the rule
 
 
+@ti.data_oriented
 class PolyhedronTable:
     """Shared table of rounded ball-polyhedra; every part is stored once and scaled per grain."""
 
@@ -193,6 +194,39 @@ class PolyhedronContact:
         if i != pairs.feature[s][0] or j != pairs.feature[s][1]:
             pairs.feature[s] = ti.Vector([i, j])
         return depth, n, 0.5 * (x_i + x_j)
+
+    @ti.func
+    def leaving(self, a, f, u, u_before):
+        """Part of the step since the body direction left the cone of feature f of part a: at u now, at u_before then."""
+        t = self.table
+        row = t.first[a] + f
+        part = 0.0 * u[0]
+        for c in range(t.first_bound[row], t.first_bound[row + 1]):
+            miss = t.bound[c].dot(u) - t.offset[c]
+            room = t.offset[c] - t.bound[c].dot(u_before)
+            if miss > 0.0 and room > 0.0:
+                part = ti.max(part, miss / (miss + room))
+        return part
+
+    @ti.func
+    def crossing(self, a, b, k, l, d, before, last_n, dt):
+        """What the features `before`, continued beyond their bounds, give now: (fraction of the step since the contact
+        left them, depth [m], unit normal, contact point relative to grain k [m])."""
+        g = self.grains
+        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        c_i, axis_i, rho_i, r_i = self.placed(a, before[0], k)
+        c_j, axis_j, rho_j, r_j = self.placed(b, before[1], l)
+        n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, last_n, self.step_tolerance)
+        x_i = c_i + core_point(n, axis_i, rho_i) + r_i * n
+        x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
+        # the last normal as the bodies saw it, when they were turned less
+        seen_k = last_n + dt * ti.cast(g.spin[k], self.real).cross(last_n)
+        seen_l = last_n + dt * ti.cast(g.spin[l], self.real).cross(last_n)
+        part = ti.max(
+            self.leaving(a, before[0], unrotate(turn_k, n), unrotate(turn_k, seen_k)),
+            self.leaving(b, before[1], -unrotate(turn_l, n), -unrotate(turn_l, seen_l)),
+        )
+        return ti.select(found == 1, part, 0.0 * part), (x_i - x_j).dot(n), n, 0.5 * (x_i + x_j)
 
     @ti.func
     def bend(self, n, axis, rho, core, t, s):

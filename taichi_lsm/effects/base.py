@@ -11,7 +11,7 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
         contact_energy(self, contact, history) -> energy stored now [J]
         on_grain(self, inverse_mass, force) adds to the force [N] on a mobile grain (phase "body")
         grain_energy(self, inverse_mass, position) -> potential energy [J] of a grain (phase "body")
-        onset_impulse(self, speed, fraction, dt) -> impulse [N s] that pushes the grains apart (phase "normal")
+        onset_impulse(self, speed, acceleration, fraction, dt) -> impulse [N s] that pushes the grains apart (phase "normal")
         tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
         stable_dt(self, bodies) -> largest stable step of this law alone [s], host
         cases(cls) -> instances that the contract tests try

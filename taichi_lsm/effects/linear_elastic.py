@@ -50,9 +50,11 @@ class LinearElastic(Effect):
         return self.k_[0]
 
     @ti.func
-    def onset_impulse(self, speed, fraction, dt):
-        """-k u dt^2 zeta(-1, a) with zeta(-1, a) = -(a^2 - a + 1/6)/2."""
-        return 0.5 * self.k_[0] * speed * dt * dt * (fraction * fraction - fraction + 1.0 / 6.0)
+    def onset_impulse(self, speed, acceleration, fraction, dt):
+        """-k [u dt^2 zeta(-1, a) + alpha dt^3 zeta(-2, a)/2]: zeta(-1, a) = -B_2(a)/2, zeta(-2, a) = -B_3(a)/3."""
+        b_2 = fraction * fraction - fraction + 1.0 / 6.0
+        b_3 = fraction * (fraction * (fraction - 1.5) + 0.5)
+        return self.k_[0] * dt * dt * (0.5 * speed * b_2 + acceleration * dt * b_3 / 6.0)
 
     @classmethod
     def cases(cls):

@@ -5,7 +5,7 @@ from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tan
 from .grain import GrainShape
 from .library import random_angular_shapes
 from .patch import ArcChain, disc, sphere
-from .paving import pave
+from .paving import pave, pave_volume
 from .polyhedra import ellipsoid, from_planes, random_angular_polyhedra, regular_polyhedron, superellipsoid
 from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
 
@@ -22,6 +22,7 @@ __all__ = [
     "from_planes",
     "from_polygon",
     "pave",
+    "pave_volume",
     "polygon_measures",
     "random_angular_polyhedra",
     "random_angular_shapes",

@@ -206,19 +206,28 @@ def ball_polyhedron(
         raise ValueError(f"centres, radii = {p}, {big}: must be finite, radii > 0")
     if not (np.isfinite(dilation) and dilation > 0):
         raise ValueError(f"dilation = {dilation}: must be finite and > 0")
+    shape, _, _ = placed_ball_polyhedron(p, big, dilation, name)
+    return shape.rescaled((np.pi / 6.0 / shape.measure) ** (1.0 / 3.0)) if normalise else shape
+
+
+def placed_ball_polyhedron(p: NDArray, big: NDArray, dilation: float, name: str) -> tuple[BallPolyhedron, NDArray, NDArray]:
+    """The shape in its own frame and in the given unit of length, and where it is among the balls (n, 3), (n,).
+
+    Returns (shape, centre of mass (3,), rotation matrix (3, 3) from the shape's frame to that of the balls).
+    """
     cell = cell_of_balls(p, big)
     volume, centroid, second = mass_of(cell, dilation)
     cell = cell.moved(np.eye(3), -centroid)
     second = second - volume * np.outer(centroid, centroid)
     inertia = np.trace(second) * np.eye(3) - second
     products = np.abs(inertia - np.diag(np.diag(inertia))).max()
+    frame = np.eye(3)
     if products > 1e-9 * np.trace(inertia):
         _, frame = np.linalg.eigh(inertia)
         frame = frame * np.sign(np.linalg.det(frame))
         cell = cell.moved(frame.T, np.zeros(3))
         inertia = frame.T @ inertia @ frame
-    shape = _shape(cell, dilation, volume, np.diag(inertia), name)
-    return shape.rescaled((np.pi / 6.0 / volume) ** (1.0 / 3.0)) if normalise else shape
+    return _shape(cell, dilation, volume, np.diag(inertia), name), centroid, frame
 
 
 def _shape(cell: Features, dilation: float, volume: float, inertia: NDArray, name: str) -> BallPolyhedron:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError, Voronoi
 
-from .ball_polyhedron import BallPolyhedron, ball_polyhedron, spread, tangent_ball_polyhedron
+from .ball_polyhedron import BallPolyhedron, placed_ball_polyhedron, spread, tangent_ball_polyhedron
 
 FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the body
 TILES_PER_BATCH = 64  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
@@ -32,6 +32,14 @@ def from_planes(
     sizes of the body. Each ball touches its plane at the centre of the face, inset by the corner radius; planes
     without a face are left out. Raises ValueError if the planes enclose nothing that holds a ball of the corner radius.
     """
+    shape, _, _ = placed_from_planes(normals, distances, corner_radius, flatness, name)
+    return shape.rescaled((np.pi / 6.0 / shape.measure) ** (1.0 / 3.0)) if normalise else shape
+
+
+def placed_from_planes(
+    normals: ArrayLike, distances: ArrayLike, corner_radius: float, flatness: float = FLATNESS, name: str = "tile"
+) -> tuple[BallPolyhedron, NDArray, NDArray]:
+    """As `from_planes` in the given unit of length: (shape, its centre of mass (3,), its frame (3, 3))."""
     n, h = np.array(normals, dtype=np.float64), np.array(distances, dtype=np.float64)
     if n.ndim != 2 or n.shape[1] != 3 or h.shape != n.shape[:1] or len(n) < 4:
         raise ValueError(f"normals and distances have shapes {n.shape}, {h.shape}: must be (n, 3), (n,), n >= 4")
@@ -41,9 +49,7 @@ def from_planes(
     vertices = _corners(n, h - corner_radius, middle)
     points, kept = _face_centres(vertices, n, h - corner_radius)
     radius = flatness * 2.0 * np.linalg.norm(points - points.mean(axis=0), axis=1).max()
-    return ball_polyhedron(
-        points - radius * n[kept], np.full(len(kept), radius), corner_radius, name=name, normalise=normalise
-    )
+    return placed_ball_polyhedron(points - radius * n[kept], np.full(len(kept), radius), corner_radius, name)
 
 
 def _inscribed(n: NDArray, h: NDArray) -> tuple[NDArray, float]:
@@ -175,7 +181,7 @@ def random_angular_polyhedra(
     shapes, batch, barren = [], 0, 0
     while len(shapes) < count:
         before = len(shapes)
-        for n, h in voronoi_cells(TILES_PER_BATCH, (seed, batch)):
+        for _, n, h in voronoi_cells(TILES_PER_BATCH, (seed, batch)):
             if len(shapes) == count:
                 break
             try:
@@ -194,8 +200,8 @@ def random_angular_polyhedra(
     return shapes
 
 
-def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray, NDArray]]:
-    """Planes (normals (m, 3), distances (m,)) about each site of a relaxed Voronoi tiling of the periodic unit cube."""
+def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray, NDArray, NDArray]]:
+    """(site (3,), normals (m, 3), distances from the site (m,)) of a relaxed Voronoi tiling of the periodic unit cube."""
     sites = np.random.default_rng(seed).random((count, 3))
     shifts = np.array(np.meshgrid(*[[0, -1, 1]] * 3, indexing="ij")).reshape(3, -1).T
     for step in range(relaxations + 1):
@@ -211,7 +217,7 @@ def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray,
                 length = np.linalg.norm(way)
                 planes[k][0].append(way / length)
                 planes[k][1].append(0.5 * length)
-    return [(np.array(n), np.array(h)) for n, h in planes]
+    return [(site, np.array(n), np.array(h)) for site, (n, h) in zip(sites, planes, strict=True)]
 
 
 def _centroid(vertices: NDArray) -> NDArray:
