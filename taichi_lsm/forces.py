@@ -40,7 +40,8 @@ class ContactForces:
         self.laws = [e for e in in_order(effects) if e.phase != "body"]
         self.body_laws = [e for e in effects if e.phase == "body"]
         self.onset = pairs.onset
-        self.seams = pairs.onset and pairs.remembers_feature
+        self.remembers = pairs.remembers_feature
+        self.seams = pairs.onset and self.remembers
         self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.books = [e for e in self.laws if e.dissipates]
         self.book_count = max(1, len(self.books))
@@ -240,6 +241,8 @@ class ContactForces:
     def near_pairs(self, k):
         """Write the row's slots whose bounding spheres meet, or that have a past, to `pairs.near`, from the start of
         the row on; returns the end. No branch depends on a distance: many of them would be mispredicted.
+
+        Shaped grains that were a gap apart are left out until their surfaces have travelled so far that they may touch.
         """
         g, pairs = self.grains, self.pairs
         end = pairs.row_start[k]
@@ -250,6 +253,8 @@ class ContactForces:
             if ti.static(self.several):
                 code = pairs.part_code[s]
                 meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < 0.0
+            if ti.static(self.remembers):
+                meet = meet and g.travel[k] + g.travel[l] >= pairs.free_until[s]
             pairs.near[end] = s
             end += ti.cast(meet, ti.i32) | ti.cast(pairs.status[s] != 0, ti.i32)
         return end
@@ -320,6 +325,10 @@ class ContactForces:
                         pairs.pair_kick[s] = kick
                         push -= kick
                 pairs.status[s] = status
+            if ti.static(self.remembers):
+                # from three steps before they can touch on, their depths are on record for the onset
+                gap = -ti.cast(depth, ti.f64) - 3.0 * (g.stride[k] + g.stride[l])
+                pairs.free_until[s] = ti.select(depth < 0.0, gap + g.travel[k] + g.travel[l], -1.0)
             if ti.static(self.seams):
                 pairs.earlier_depth[s] = pairs.last_depth[s]
             if ti.static(self.onset):

@@ -9,6 +9,7 @@ The serial path (many steps per launch) and the parallel path give the same bits
 from .rotation import free_rotor, linear_turn, momentum_of, spin_of, turned, unrotate
 from .runtime import ti, when_allocated
 
+TURN_MARGIN = 1.01  # the spin is a mean over the step; the turn may be a little more
 SERIAL_LIMIT = 4000  # grains; below, waking threads costs more than they save
 
 
@@ -29,6 +30,7 @@ class VelocityVerlet:
         self.driven = platens is not None
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.tumbles = self.grains.has("angular_momentum")
+        self.shaped = self.grains.has("travel")
         self.dt = ti.field(ti.f64, ())
         self.half_skin = ti.field(ti.f64, ())
         self.moved = ti.field(ti.i32, ())
@@ -45,6 +47,7 @@ class VelocityVerlet:
     def advance(self, k):
         """Kick and drift of grain k, Eqs. (12)-(18)."""
         g, dt = self.grains, self.dt[None]
+        before = g.position[k]
         if g.platen[k] < 0:
             force, torque, kick, twist = self.forces.gathered(k)
             g.velocity[k] += (force * dt + kick) * g.inverse_mass[k]
@@ -58,7 +61,7 @@ class VelocityVerlet:
                     g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
-        self.watch(k)
+        self.watch(k, before)
 
     @ti.func
     def tumble(self, k, push, dt):
@@ -76,9 +79,15 @@ class VelocityVerlet:
         g.spin[k] = 0.5 * (spin_of(before, momentum, inverse) + spin_of(after, momentum, inverse))
 
     @ti.func
-    def watch(self, k):
-        """Ask for a new neighbour list when grain k has moved by half the skin, or a part of it may have."""
+    def watch(self, k, before):
+        """Ask for a new neighbour list when grain k has moved by half the skin, or a part of it may have.
+
+        before: its position [m] at the start of the step, from which the way of its surface follows.
+        """
         g = self.grains
+        if ti.static(self.shaped):
+            g.stride[k] = (g.position[k] - before).norm() + TURN_MARGIN * g.spin[k].norm() * self.dt[None] * g.radius[k]
+            g.travel[k] += g.stride[k]
         way = g.position[k] - g.built_position[k]
         limit = self.half_skin[None]
         if ti.static(self.forces.several):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
@@ -237,6 +246,7 @@ class ExplicitEuler(VelocityVerlet):
     @ti.func
     def advance(self, k):
         g, dt = self.grains, self.dt[None]
+        before = g.position[k]
         if g.platen[k] < 0:
             force, torque, kick, twist = self.forces.gathered(k)
             g.position[k] += g.velocity[k] * dt
@@ -250,4 +260,4 @@ class ExplicitEuler(VelocityVerlet):
                 g.spin[k] += torque * (g.inverse_inertia[k] * dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
-        self.watch(k)
+        self.watch(k, before)

@@ -72,7 +72,7 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
     if rotates:
         rows += [
             Variable("spin", ("grain", "spin"), "f64", "rad s-1", "angular velocity half a step before", True),
-            Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse moments of inertia, principal axes", True),
+            Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse principal moments", True),
             Variable("torque", ("grain", "spin"), "real", "N m", "torque of the contacts in the own row", True),
         ]
     if onset:
@@ -92,6 +92,8 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
             Variable("shape", ("grain",), "i32", "1", "row of the shape table", True),
             Variable("scale", ("grain",), "real", "m", "length unit of the shape", True),
             Variable("cap_radius", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
+            Variable("travel", ("grain",), "f64", "m", "way of the farthest surface point so far, at most", True),
+            Variable("stride", ("grain",), "f64", "m", "part of `travel` of the last step", True),
         ]
     if ledger:
         rows.append(Variable("dissipated", ("grain", "ledger"), "f64", "J", "energy dissipated by effect", True))

@@ -37,6 +37,8 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
             rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
     if shaped:
         rows.append(Variable("feature", ("contact", "two"), "i32", "1", "features that face each other", True))
+        long_name = "sum of both grains' travel up to which they cannot touch"
+        rows.append(Variable("free_until", ("contact",), "f64", "m", long_name, True))
     if kind == "polyhedron":
         rows.append(Variable("normal", ("contact", "space"), "real", "1", "last normal, first to second", True))
     if several:
@@ -63,7 +65,7 @@ class Pairs:
         self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
-        kept = {"partner_id", "part_code", "status", "feature", "normal", "history", "last_depth", "earlier_depth"}
+        kept = {"partner_id", "part_code", "status", "feature", "normal", "free_until", "history", "last_depth", "earlier_depth"}
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
@@ -105,6 +107,7 @@ class Pairs:
             self.old.part_code[s] = self.part_code[s]
         if ti.static(self.remembers_feature):
             self.old.feature[s] = self.feature[s]
+            self.old.free_until[s] = self.free_until[s]
         if ti.static(self.remembers_normal):
             self.old.normal[s] = self.normal[s]
         if ti.static(self.history_size > 0):
@@ -123,6 +126,7 @@ class Pairs:
             self.pair_torque[s] = ti.Vector([0.0] * self.sizes["spin"])
         if ti.static(self.remembers_feature):
             self.feature[s] = ti.Vector([-1, -1])  # not known yet
+            self.free_until[s] = -1.0
         if ti.static(self.history_size > 0):
             self.history[s] = ti.Vector([0.0] * self.history_size)
         if ti.static(self.onset):
@@ -133,6 +137,7 @@ class Pairs:
             self.status[s] = self.old.status[o]
             if ti.static(self.remembers_feature):
                 self.feature[s] = self.old.feature[o]
+                self.free_until[s] = self.old.free_until[o]
             if ti.static(self.remembers_normal):
                 self.normal[s] = self.old.normal[o]
             if ti.static(self.history_size > 0):
