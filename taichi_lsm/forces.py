@@ -4,11 +4,10 @@ from .contact.narrow import sphere_overlap
 from .contact.pairs import KICKED, PART_BASE, SLIDING, TOUCHING
 from .effects import contact_type
 from .effects.base import PHASES
-from .rotation import spin_velocity, torque_of, unrotate
+from .rotation import spin_velocity, torque_of, turned, unrotate
 from .runtime import current, ti
 
-
-TRUSTED = 0.5  # deviation of a speed from depths on record, over the speed of approach
+NEARLY = 1.0 - 1e-12  # rounding of a long way must not hide a contact
 LEAST_FRACTION = 0.03  # of a step after a seam: in less the features do not differ by more than their errors
 GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the force: more is no mere kink
 
@@ -131,7 +130,7 @@ class ContactForces:
         return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
 
     @ti.func
-    def onset_kick(self, contact, k, l, s, was, depth, n, arm_k, arm_l):
+    def onset_kick(self, contact, k, l, s, d, was, depth, n, arm_k, arm_l):
         """Impulse along the contact in the first step after it begins or ends; 0 in all others [N s].
 
         It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
@@ -140,23 +139,49 @@ class ContactForces:
         before = was & TOUCHING
         kick = 0.0 * depth
         if contact.touching != before:
-            last = self.pairs.last_depth[s]
-            d, u = depth, contact.approach
-            if before == 1:
-                d, u = last, -u
-            acceleration = 0.0 * depth
-            if ti.static(self.seams):
-                acceleration = self.acceleration(s, depth, contact.approach, contact.dt)
-                if acceleration != 0.0:
-                    u = ti.abs(depth - last) / contact.dt
-                if acceleration != 0.0 and before == 1:  # that of all others: the own force fades within the step
-                    ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
-                    acceleration += self.elastic_force(last) * ease
-            u, time = self.passage(d, u, acceleration, contact.dt)
-            if u > 0.0 and time < contact.dt:
+            dt = contact.dt
+            last, earlier = self.depths_before(k, l, s, d, n, dt)
+            u, inside = (depth - last) / dt, depth
+            acceleration = (u - (last - earlier) / dt) / dt
+            if before == 1:  # with time reversed the contact begins; its own force fades within the step
+                u, inside = -u, last
+                ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
+                acceleration += self.elastic_force(ti.max(last, 0.0)) * ease
+            u, time = self.passage(inside, u, acceleration, dt)
+            if u > 0.0 and time < dt:
                 for law in ti.static(self.springs):
-                    kick += law.onset_impulse(u, acceleration, time / contact.dt, contact.dt)
+                    kick += law.onset_impulse(u, acceleration, time / dt, dt)
         return kick
+
+    @ti.func
+    def depths_before(self, k, l, s, d, n, dt):
+        """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
+        g = self.grains
+        d_1 = d - ti.cast(g.velocity[l] - g.velocity[k], self.real) * dt
+        d_2 = d_1 - ti.cast(g.last_velocity[l] - g.last_velocity[k], self.real) * dt
+        depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
+        depth_2 = g.radius[k] + g.radius[l] - d_2.norm()
+        if ti.static(self.shaped):
+            a, b = self.parts_of(k, l, s)
+            features = self.remembered(s)[0]
+            turn_k = turned(g.orientation[k], g.spin[k], -dt)
+            turn_l = turned(g.orientation[l], g.spin[l], -dt)
+            depth_1, m, _ = self.geometry.continued(a, b, k, l, features, d_1, turn_k, turn_l, n)
+            turn_k, turn_l = turned(turn_k, g.last_spin[k], -dt), turned(turn_l, g.last_spin[l], -dt)
+            depth_2, m, _ = self.geometry.continued(a, b, k, l, features, d_2, turn_k, turn_l, n)
+        return depth_1, depth_2
+
+    @ti.func
+    def passage(self, d, u, acceleration, dt):
+        """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
+        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time."""
+        now = u + 0.5 * acceleration * dt
+        square = now * now - 2.0 * acceleration * d
+        speed, time = 0.0 * d, dt
+        if now > 0.0 and square > 0.0:
+            speed = ti.sqrt(square)
+            time = 2.0 * d / (now + speed)
+        return speed, time
 
     @ti.func
     def principal(self, k, a):
@@ -169,8 +194,11 @@ class ContactForces:
     @ti.func
     def mobility(self, k, lever):
         """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
-        lever = self.principal(k, lever)
-        return self.grains.inverse_mass[k] + (lever * lever * self.grains.inverse_inertia[k]).sum()
+        result = self.grains.inverse_mass[k]
+        if ti.static(self.rotates):
+            lever = self.principal(k, lever)
+            result += (lever * lever * self.grains.inverse_inertia[k]).sum()
+        return result
 
     @ti.func
     def acceleration(self, s, depth, approach, dt):
@@ -180,7 +208,9 @@ class ContactForces:
         """
         last, earlier = self.pairs.last_depth[s], self.pairs.earlier_depth[s]
         new, old = (depth - last) / dt, (last - earlier) / dt
-        near = ti.abs(new - approach) < TRUSTED * ti.abs(approach) and ti.abs(old - approach) < 4 * TRUSTED * ti.abs(approach)
+        near = ti.abs(new - approach) < TRUSTED * ti.abs(approach) and ti.abs(old - approach) < 4 * TRUSTED * ti.abs(
+            approach
+        )
         return ti.select(near, (new - old) / dt, 0.0 * depth)
 
     @ti.func
@@ -209,7 +239,7 @@ class ContactForces:
         """(features, normal) of list slot s before the step, as far as the geometry keeps them."""
         features = ti.Vector([0, 0])
         n = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
-        if ti.static(self.seams):
+        if ti.static(self.remembers):
             features = self.pairs.feature[s]
             if ti.static(self.pairs.remembers_normal):
                 n = self.pairs.normal[s]
@@ -304,7 +334,7 @@ class ContactForces:
                         torque -= (g.radius[k] - 0.5 * depth) * turning
                 status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
                 if ti.static(self.onset):
-                    size = self.onset_kick(contact, k, l, s, was, depth, n, arm_k, arm_l)
+                    size = self.onset_kick(contact, k, l, s, d, was, depth, n, arm_k, arm_l)
                     kick = size * n
                     kicked = size != 0.0
                     if ti.static(self.rotates):
@@ -326,13 +356,8 @@ class ContactForces:
                         push -= kick
                 pairs.status[s] = status
             if ti.static(self.remembers):
-                # from three steps before they can touch on, their depths are on record for the onset
-                gap = -ti.cast(depth, ti.f64) - 3.0 * (g.stride[k] + g.stride[l])
-                pairs.free_until[s] = ti.select(depth < 0.0, gap + g.travel[k] + g.travel[l], -1.0)
-            if ti.static(self.seams):
-                pairs.earlier_depth[s] = pairs.last_depth[s]
-            if ti.static(self.onset):
-                pairs.last_depth[s] = depth
+                way = g.travel[k] + g.travel[l]
+                pairs.free_until[s] = ti.select(depth < 0.0, NEARLY * way - ti.cast(depth, ti.f64), -1.0)
         g.force[k] = force
         if ti.static(self.onset):
             g.kick[k] = push

@@ -48,6 +48,7 @@ class VelocityVerlet:
         """Kick and drift of grain k, Eqs. (12)-(18)."""
         g, dt = self.grains, self.dt[None]
         before = g.position[k]
+        self.keep_velocity(k)
         if g.platen[k] < 0:
             force, torque, kick, twist = self.forces.gathered(k)
             g.velocity[k] += (force * dt + kick) * g.inverse_mass[k]
@@ -62,6 +63,15 @@ class VelocityVerlet:
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
         self.watch(k, before)
+
+    @ti.func
+    def keep_velocity(self, k):
+        """Remember the velocities of the last step, from which the onset of contacts knows their acceleration."""
+        g = self.grains
+        if ti.static(self.onset):
+            g.last_velocity[k] = g.velocity[k]
+            if ti.static(self.shaped):
+                g.last_spin[k] = g.spin[k]
 
     @ti.func
     def tumble(self, k, push, dt):
@@ -86,11 +96,14 @@ class VelocityVerlet:
         """
         g = self.grains
         if ti.static(self.shaped):
-            g.stride[k] = (g.position[k] - before).norm() + TURN_MARGIN * g.spin[k].norm() * self.dt[None] * g.radius[k]
-            g.travel[k] += g.stride[k]
+            g.travel[k] += (g.position[k] - before).norm() + TURN_MARGIN * g.spin[k].norm() * self.dt[None] * g.radius[
+                k
+            ]
         way = g.position[k] - g.built_position[k]
         limit = self.half_skin[None]
-        if ti.static(self.forces.several):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
+        if ti.static(
+            self.forces.several
+        ):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
             turn = (g.orientation[k] - g.built_orientation[k]).norm()
             limit -= ti.static(1.0 if self.grains.dim == 2 else 2.0) * turn * g.radius[k]
         if not (limit > 0.0 and way.dot(way) < limit * limit):  # also true for a position that is not a number
@@ -154,18 +167,30 @@ class VelocityVerlet:
             self.platens.gather(self.forces, self.dt[None])
 
     @ti.kernel
-    def steps_serial(self, steps: ti.i32):
-        """Up to `steps` steps in the calling thread; stops early if the list must be rebuilt."""
+    def steps_serial(self, steps: ti.i32, resume: ti.i32, contact_dt: ti.f64):
+        """Up to `steps` steps in the calling thread; stops early if the list must be rebuilt.
+
+        resume: the first step has drifted already and only lacks its contacts, whose step is contact_dt [s]: after a
+        rebuild, or (contact_dt = 0) at the start of a run. One body serves both, for it takes long to compile.
+        """
+        if resume == 1:
+            self.moved[None] = 0
+            self.halted[None] = 0
         ti.loop_config(serialize=True)
-        for _ in range(steps):
+        for step in range(steps):
+            resumed = resume == 1 and step == 0
             if self.halted[None] == 0:
-                self.begin_step()
-                for k in range(self.grains.count[None]):
-                    self.advance(k)
-                self.close_drift()
+                dt = self.dt[None]
+                if resumed:
+                    dt = contact_dt
+                else:
+                    self.begin_step()
+                    for k in range(self.grains.count[None]):
+                        self.advance(k)
+                    self.close_drift()
                 if self.halted[None] == 0:
                     for k in range(self.grains.count[None]):
-                        self.forces.row(k, self.dt[None])
+                        self.forces.row(k, dt)
                     self.close_step()
 
     @ti.kernel
@@ -185,13 +210,20 @@ class VelocityVerlet:
             self.close_step()
 
     @ti.kernel
-    def contacts_only(self, dt: ti.f64):
-        """Contacts at the present positions: ends a step that waited for a rebuild, or (dt = 0) starts a run."""
+    def contacts_parallel(self, dt: ti.f64):
+        """Contacts at the present positions over all threads: see `contacts_only`."""
         for k in range(self.grains.count[None]):
             self.forces.row(k, dt)
         self.moved[None] = 0
         self.halted[None] = 0
         self.close_step()
+
+    def contacts_only(self, dt, parallel):
+        """Contacts at the present positions: ends a step that waited for a rebuild, or (dt = 0) starts a run."""
+        if parallel:
+            self.contacts_parallel(dt)
+        else:
+            self.steps_serial(1, 1, dt)
 
     @ti.kernel
     def shift_velocities(self):
@@ -209,6 +241,7 @@ class VelocityVerlet:
                         g.angular_momentum[k] += torque * h
                     elif ti.static(self.rotates):
                         g.spin[k] += torque * (g.inverse_inertia[k] * h)
+            self.keep_velocity(k)
 
 
 @ti.data_oriented

@@ -252,7 +252,7 @@ class Simulation:
 
     def _begin(self):
         """First evaluation of the contacts, then velocities half a step back."""
-        self.integrator.contacts_only(0.0)
+        self.integrator.contacts_only(0.0, self.parallel)
         self.integrator.shift_velocities()
         self.faults.raise_any(self.step)
 
@@ -337,7 +337,7 @@ class Simulation:
             self.faults.raise_any(self.step)
             if self.integrator.halted[None]:
                 self._rebuild()
-                self.integrator.contacts_only(self._dt)
+                self.integrator.contacts_only(self._dt, self.parallel)
                 self.step += 1
                 self.faults.raise_any(self.step)
 
@@ -346,7 +346,7 @@ class Simulation:
             for _ in range(min(steps, PARALLEL_LAUNCH)):
                 self.integrator.step_parallel()
         else:
-            self.integrator.steps_serial(min(steps, SERIAL_LAUNCH))
+            self.integrator.steps_serial(min(steps, SERIAL_LAUNCH), 0, 0.0)
 
     def _rebuild(self):
         try:

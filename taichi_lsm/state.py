@@ -76,6 +76,9 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
             Variable("torque", ("grain", "spin"), "real", "N m", "torque of the contacts in the own row", True),
         ]
     if onset:
+        rows.append(Variable("last_velocity", ("grain", "space"), "f64", "m s-1", "velocity a step before", True))
+        if shaped:
+            rows.append(Variable("last_spin", ("grain", "spin"), "f64", "rad s-1", "spin a step before", True))
         rows.append(Variable("kick", ("grain", "space"), "real", "N s", "impulse from the grain's own row", True))
         if rotates:
             rows.append(Variable("twist", ("grain", "spin"), "real", "N m s", "angular impulse likewise", True))
@@ -93,7 +96,6 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
             Variable("scale", ("grain",), "real", "m", "length unit of the shape", True),
             Variable("cap_radius", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
             Variable("travel", ("grain",), "f64", "m", "way of the farthest surface point so far, at most", True),
-            Variable("stride", ("grain",), "f64", "m", "part of `travel` of the last step", True),
         ]
     if ledger:
         rows.append(Variable("dissipated", ("grain", "ledger"), "f64", "J", "energy dissipated by effect", True))

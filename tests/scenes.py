@@ -48,14 +48,7 @@ def reload(sim, dt=None, **columns):
     """Start `sim` again from these state columns (velocity and spin at the same time as position), without a past."""
     for name, values in columns.items():
         getattr(sim.state, name).from_numpy(values)
-    sim.pairs.status.fill(0)
-    sim.pairs.pair_force.fill(0.0)
-    if sim.rotates:
-        sim.pairs.pair_torque.fill(0.0)
-    if sim.pairs.history_size:
-        sim.pairs.history.fill(0.0)
-    if sim.pairs.remembers_feature:
-        sim.pairs.feature.fill(-1)
+    sim.pairs.row_start.fill(0)
     if sim.forces.ledger:
         sim.grains.dissipated.fill(0.0)
     if sim.platens:

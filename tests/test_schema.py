@@ -47,5 +47,7 @@ def test_names_are_unique_and_dtypes_known():
 
 def test_everything_that_a_restart_needs_is_marked():
     """Positions, velocities, histories: a continued run reads the rows marked restart and no others."""
-    marked = {row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, "chain", 1) if row.restart}
+    marked = {
+        row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, "chain", 1) if row.restart
+    }
     assert {"position", "velocity", "spin", "orientation", "dissipated", "history", "status", "partner_id"} <= marked

@@ -52,7 +52,7 @@ def test_rows_exist_only_for_what_the_scene_lists():
     angular = names(rotates=True, oriented=True, shaped=True, ledger=0)
     assert len(plain) == 8
     assert rolling - plain == {"spin", "inverse_inertia", "torque"}
-    assert angular - rolling == {"orientation", "shape", "scale", "cap_radius"}
+    assert angular - rolling == {"orientation", "shape", "scale", "cap_radius", "travel"}
     assert names(rotates=False, oriented=False, shaped=False, ledger=1) - plain == {"dissipated"}
 
 
@@ -63,12 +63,12 @@ def test_bytes_of_a_grain_and_of_a_pair(runtime):
     rolling = grain_variables(True, False, False, 0)
     assert bytes_per_row(rolling, SIZES) - bytes_per_row(plain, SIZES) == 8 + 2 * REAL
     angular = grain_variables(True, True, True, 0)
-    assert bytes_per_row(angular, SIZES) - bytes_per_row(rolling, SIZES) == 2 * 8 + 4 + 2 * REAL
+    assert bytes_per_row(angular, SIZES) - bytes_per_row(rolling, SIZES) == 2 * 8 + 4 + 2 * REAL + 8
     assert bytes_per_row(grain_variables(False, False, False, 2), SIZES) - bytes_per_row(plain, SIZES) == 2 * 8
     slim = pair_variables(rotates=False, kind="sphere", history=0)
     assert bytes_per_row(slim, SIZES) == 3 * 4 + 2 * REAL
     full = pair_variables(rotates=True, kind="chain", history=2)
-    assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 2 * REAL
+    assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 8 + 2 * REAL
 
 
 @pytest.mark.parametrize("name", ["elastic_discs", "frictional_discs", "elastic_arcs", "frictional_arcs"])
@@ -85,13 +85,13 @@ def test_simulation_pays_only_for_its_effects(gallery, name):
     assert ("pair_torque" in pair_rows) == rotates
     assert ("feature" in pair_rows) == shaped
     assert ("history" in pair_rows) == frictional
-    assert (sim.shapes is not None) == shaped
+    assert (sim.surfaces is not None) == shaped and sim.parts is None
     assert sim.platens is None
     assert ("dissipated_coulomb_friction" in sim.measure.names) == frictional
     # a slot of the list: rows (with those of the onset correction), copy kept over a rebuild, transpose, near list
-    onset = REAL + 2 * REAL + rotates * REAL
-    rows = 3 * 4 + 2 * REAL + rotates * REAL + shaped * 8 + frictional * 2 * REAL + onset
-    kept = 2 * 4 + shaped * 8 + frictional * 2 * REAL + REAL
+    onset = 2 * REAL + rotates * REAL
+    rows = 3 * 4 + 2 * REAL + rotates * REAL + shaped * 16 + frictional * 2 * REAL + onset
+    kept = 2 * 4 + shaped * 16 + frictional * 2 * REAL
     assert sim.pairs.bytes_per_pair() == rows + kept + 8
 
 

@@ -68,7 +68,9 @@ def _sections(grains, now, off):
         if "orientation" in now:
             p = _rotated(now.orientation.values[g], p)
         square = (scale[g] * r) ** 2 - (scale[g] * p[:, 2] + off[g]) ** 2
-        discs = shapely.buffer(shapely.points(scale[g] * p[:, :2]), np.sqrt(np.maximum(square, 0.0)), quad_segs=SEGMENTS)
+        discs = shapely.buffer(
+            shapely.points(scale[g] * p[:, :2]), np.sqrt(np.maximum(square, 0.0)), quad_segs=SEGMENTS
+        )
         section = shapely.intersection_all(discs)
         result.append(None if section.is_empty else np.array(section.exterior.coords))
     return result

@@ -67,9 +67,15 @@ class ChainContact:
         grain k [m], depth [m], and the unit direction from centre to centre in the world frame, in body k, and
         reversed in body l.
         """
+        g = self.grains
+        return self.placed(a, b, k, l, i, j, d, g.orientation[k], g.orientation[l])
+
+    @ti.func
+    def placed(self, a, b, k, l, i, j, d, orientation_k, orientation_l):
+        """`facing` of grains that are turned otherwise than now."""
         g, t = self.grains, self.table
         row_i, row_j = t.first[a] + i, t.first[b] + j
-        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        turn_k, turn_l = ti.cast(orientation_k, self.real), ti.cast(orientation_l, self.real)
         p_i = rotate(turn_k, t.centre[row_i]) * g.scale[k]
         w = d + rotate(turn_l, t.centre[row_j]) * g.scale[l] - p_i
         r_i, r_j = t.patch_radius[row_i] * g.scale[k], t.patch_radius[row_j] * g.scale[l]
@@ -146,6 +152,13 @@ class ChainContact:
         return time
 
     @ti.func
+    def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
+        """(depth [m], unit normal, contact point relative to grain k [m]) of arcs continued as circles, for grains placed
+        otherwise than now."""
+        x, depth, n, u_k, u_l = self.placed(a, b, k, l, features[0], features[1], d, orientation_k, orientation_l)
+        return depth, n, x
+
+    @ti.func
     def crossing(self, a, b, k, l, d, before, unused, dt):
         """What the arcs `before`, continued as circles, give now: (fraction of the step since the contact left them,
         depth [m], unit normal, contact point relative to grain k [m])."""
@@ -156,11 +169,13 @@ class ChainContact:
         p_i = x - n * (t.patch_radius[t.first[a] + i] * g.scale[k] - 0.5 * depth)
         p_j = x - d + n * (t.patch_radius[t.first[b] + j] * g.scale[l] - 0.5 * depth)
         w = p_j + d - p_i
-        v = ti.cast(g.velocity[l] - g.velocity[k], self.real) + spin_velocity(omega_l, p_j) - spin_velocity(omega_k, p_i)
-        rate = cross2(w, v) / w.dot(w)
-        time = ti.max(
-            self.leaving(a, k, i, u_k, rate - omega_k[0]), self.leaving(b, l, j, u_l, rate - omega_l[0])
+        v = (
+            ti.cast(g.velocity[l] - g.velocity[k], self.real)
+            + spin_velocity(omega_l, p_j)
+            - spin_velocity(omega_k, p_i)
         )
+        rate = cross2(w, v) / w.dot(w)
+        time = ti.max(self.leaving(a, k, i, u_k, rate - omega_k[0]), self.leaving(b, l, j, u_l, rate - omega_l[0]))
         return time / dt, depth, n, x
 
     @ti.func

@@ -28,8 +28,6 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
         rows.append(Variable("pair_torque", ("contact", "spin"), "real", "N m", "torque on the second grain", True))
     if onset:
         rows += [
-            Variable("last_depth", ("contact",), "real", "m", "depth in the last step", True),
-            *([Variable("earlier_depth", ("contact",), "real", "m", "depth two steps ago", True)] if shaped else []),
             Variable("pair_kick", ("contact", "space"), "real", "N s", "impulse on the second grain", True),
         ]
         if rotates:
@@ -65,7 +63,7 @@ class Pairs:
         self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
-        kept = {"partner_id", "part_code", "status", "feature", "normal", "free_until", "history", "last_depth", "earlier_depth"}
+        kept = {"partner_id", "part_code", "status", "feature", "normal", "free_until", "history"}
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
@@ -112,10 +110,6 @@ class Pairs:
             self.old.normal[s] = self.normal[s]
         if ti.static(self.history_size > 0):
             self.old.history[s] = self.history[s]
-        if ti.static(self.onset):
-            self.old.last_depth[s] = self.last_depth[s]
-            if ti.static(self.remembers_feature):
-                self.old.earlier_depth[s] = self.earlier_depth[s]
 
     @ti.func
     def restore(self, s, o):
@@ -129,10 +123,6 @@ class Pairs:
             self.free_until[s] = -1.0
         if ti.static(self.history_size > 0):
             self.history[s] = ti.Vector([0.0] * self.history_size)
-        if ti.static(self.onset):
-            self.last_depth[s] = 0.0
-            if ti.static(self.remembers_feature):
-                self.earlier_depth[s] = 0.0
         if o >= 0:
             self.status[s] = self.old.status[o]
             if ti.static(self.remembers_feature):
@@ -142,7 +132,3 @@ class Pairs:
                 self.normal[s] = self.old.normal[o]
             if ti.static(self.history_size > 0):
                 self.history[s] = self.old.history[o]
-            if ti.static(self.onset):
-                self.last_depth[s] = self.old.last_depth[o]
-                if ti.static(self.remembers_feature):
-                    self.earlier_depth[s] = self.old.earlier_depth[o]

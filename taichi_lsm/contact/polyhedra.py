@@ -107,11 +107,11 @@ class PolyhedronContact:
         self.gradient_tolerance = 1e-13 if precise else 1e-6  # of the descent, relative to the grains
 
     @ti.func
-    def placed(self, a, f, k):
+    def placed(self, a, f, k, orientation):
         """Feature f of part a in the world: centre from grain k's, unit axis, ring radius, surface radius [m]."""
         g, t = self.grains, self.table
         row = t.first[a] + f
-        turn = ti.cast(g.orientation[k], self.real)
+        turn = ti.cast(orientation, self.real)
         rho = t.ring_radius[row] * g.scale[k]
         axis = t.ring_axis[row]
         if rho > 0.0:
@@ -163,8 +163,8 @@ class PolyhedronContact:
         x_i, x_j = 0.0 * d, 0.0 * d
         tries, facing = 0, 0
         while facing == 0 and tries < PAIR_WALK:
-            c_i, axis_i, rho_i, r_i = self.placed(a, i, k)
-            c_j, axis_j, rho_j, r_j = self.placed(b, j, l)
+            c_i, axis_i, rho_i, r_i = self.placed(a, i, k, g.orientation[k])
+            c_j, axis_j, rho_j, r_j = self.placed(b, j, l, g.orientation[l])
             w = d + c_j - c_i
             m, found = stationary_normal(w, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)
             tries = ti.select(found == 1, tries + 1, PAIR_WALK)
@@ -183,8 +183,8 @@ class PolyhedronContact:
                     j = beyond_j
         if facing == 0 or depth >= cap:
             n, i, j = self.descend(a, b, k, l, d, i, j)
-            c_i, axis_i, rho_i, r_i = self.placed(a, i, k)
-            c_j, axis_j, rho_j, r_j = self.placed(b, j, l)
+            c_i, axis_i, rho_i, r_i = self.placed(a, i, k, g.orientation[k])
+            c_j, axis_j, rho_j, r_j = self.placed(b, j, l, g.orientation[l])
             x_i = c_i + core_point(n, axis_i, rho_i) + r_i * n
             x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
             depth = (x_i - x_j).dot(n)
@@ -209,16 +209,24 @@ class PolyhedronContact:
         return part
 
     @ti.func
+    def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
+        """(depth [m], unit normal, contact point relative to grain k [m]) of features continued beyond their bounds, for
+        grains placed otherwise than now; depth -1 where there is no such contact. The normal n starts the search."""
+        c_i, axis_i, rho_i, r_i = self.placed(a, features[0], k, orientation_k)
+        c_j, axis_j, rho_j, r_j = self.placed(b, features[1], l, orientation_l)
+        n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)
+        x_i = c_i + core_point(n, axis_i, rho_i) + r_i * n
+        x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
+        depth = (x_i - x_j).dot(n)
+        return ti.select(found == 1, depth, -1.0 + 0.0 * depth), n, 0.5 * (x_i + x_j)
+
+    @ti.func
     def crossing(self, a, b, k, l, d, before, last_n, dt):
         """What the features `before`, continued beyond their bounds, give now: (fraction of the step since the contact
         left them, depth [m], unit normal, contact point relative to grain k [m])."""
         g = self.grains
         turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
-        c_i, axis_i, rho_i, r_i = self.placed(a, before[0], k)
-        c_j, axis_j, rho_j, r_j = self.placed(b, before[1], l)
-        n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, last_n, self.step_tolerance)
-        x_i = c_i + core_point(n, axis_i, rho_i) + r_i * n
-        x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
+        depth, n, x = self.continued(a, b, k, l, before, d, g.orientation[k], g.orientation[l], last_n)
         # the last normal as the bodies saw it, when they were turned less
         seen_k = last_n + dt * ti.cast(g.spin[k], self.real).cross(last_n)
         seen_l = last_n + dt * ti.cast(g.spin[l], self.real).cross(last_n)
@@ -226,7 +234,7 @@ class PolyhedronContact:
             self.leaving(a, before[0], unrotate(turn_k, n), unrotate(turn_k, seen_k)),
             self.leaving(b, before[1], -unrotate(turn_l, n), -unrotate(turn_l, seen_l)),
         )
-        return ti.select(found == 1, part, 0.0 * part), (x_i - x_j).dot(n), n, 0.5 * (x_i + x_j)
+        return part, depth, n, x
 
     @ti.func
     def bend(self, n, axis, rho, core, t, s):
@@ -259,8 +267,8 @@ class PolyhedronContact:
             if searching == 1:
                 i = self.feature_of(a, unrotate(turn_k, n), i)
                 j = self.feature_of(b, -unrotate(turn_l, n), j)
-                c_i, axis_i, rho_i, r_i = self.placed(a, i, k)
-                c_j, axis_j, rho_j, r_j = self.placed(b, j, l)
+                c_i, axis_i, rho_i, r_i = self.placed(a, i, k, g.orientation[k])
+                c_j, axis_j, rho_j, r_j = self.placed(b, j, l, g.orientation[l])
                 core_i, core_j = r_i - round_k, r_j - round_l
                 apart = c_i + core_point(n, axis_i, rho_i) + core_i * n
                 apart -= d + c_j + core_point(-n, axis_j, rho_j) - core_j * n

@@ -2,27 +2,41 @@
 
 from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
 from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
+from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
 from .grain import GrainShape
 from .library import random_angular_shapes
 from .patch import ArcChain, disc, sphere
 from .paving import pave, pave_volume
 from .polyhedra import ellipsoid, from_planes, random_angular_polyhedra, regular_polyhedron, superellipsoid
 from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
+from .union import Union, cross, placed, union
+
+# the seed's constructor by its natural name; the base class itself cannot know its subclasses
+GrainShape.from_patches = staticmethod(from_patches)
 
 __all__ = [
     "ArcChain",
     "BallPolyhedron",
     "GrainShape",
+    "PatchGrain",
     "PolygonMeasures",
+    "Union",
     "arc_chain",
     "ball_of_faces",
     "ball_polyhedron",
+    "clump",
+    "cross",
     "disc",
     "ellipsoid",
+    "equal_clump",
+    "from_chain",
+    "from_patches",
     "from_planes",
     "from_polygon",
+    "outline_error",
     "pave",
     "pave_volume",
+    "placed",
     "polygon_measures",
     "random_angular_polyhedra",
     "random_angular_shapes",
@@ -31,5 +45,6 @@ __all__ = [
     "sphere",
     "superellipsoid",
     "tangent_ball_polyhedron",
+    "union",
     "voronoi_tiles",
 ]

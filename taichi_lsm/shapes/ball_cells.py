@@ -164,7 +164,9 @@ def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict]:
     for start, span, whole in arcs:
         if rho * span < MERGE * 2.0 * big.min():
             continue
-        tips = centre + rho * np.stack([np.cos([start, start + span]), np.sin([start, start + span])], axis=1) @ across.T
+        tips = (
+            centre + rho * np.stack([np.cos([start, start + span]), np.sin([start, start + span])], axis=1) @ across.T
+        )
         result.append(base | {"start": start, "span": span, "tips": tips, "tips_are_vertices": not whole})
     return result
 

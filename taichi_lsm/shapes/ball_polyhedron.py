@@ -210,7 +210,9 @@ def ball_polyhedron(
     return shape.rescaled((np.pi / 6.0 / shape.measure) ** (1.0 / 3.0)) if normalise else shape
 
 
-def placed_ball_polyhedron(p: NDArray, big: NDArray, dilation: float, name: str) -> tuple[BallPolyhedron, NDArray, NDArray]:
+def placed_ball_polyhedron(
+    p: NDArray, big: NDArray, dilation: float, name: str
+) -> tuple[BallPolyhedron, NDArray, NDArray]:
     """The shape in its own frame and in the given unit of length, and where it is among the balls (n, 3), (n,).
 
     Returns (shape, centre of mass (3,), rotation matrix (3, 3) from the shape's frame to that of the balls).

@@ -69,6 +69,10 @@ class GrainShape:
         of every spherical patch, body frame."""
         raise NotImplementedError
 
+    def part_bounds(self) -> tuple[NDArray, NDArray]:
+        """Balls that hold the parts: centres (parts, dim) in the body frame, radii (parts,)."""
+        return np.zeros((1, self.dim)), np.array([self.bounding_radius])
+
 
 def frozen_array(field: str, value: ArrayLike) -> NDArray:
     """Read-only float64 copy. Raises ValueError naming the field if a number is not finite."""

@@ -208,7 +208,9 @@ def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray,
         copies = (sites + shifts[:, None]).reshape(-1, 3)
         diagram = Voronoi(copies)
         if step < relaxations:
-            sites = np.array([_centroid(diagram.vertices[diagram.regions[r]]) for r in diagram.point_region[:count]]) % 1
+            sites = (
+                np.array([_centroid(diagram.vertices[diagram.regions[r]]) for r in diagram.point_region[:count]]) % 1
+            )
     planes = [([], []) for _ in range(count)]
     for a, b in diagram.ridge_points:
         for k, other in ((a, b), (b, a)):

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from .ball_cells import Features
 
 
-
 def _rule(count: int) -> tuple[NDArray, NDArray]:
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (nodes + 1.0), 0.5 * weights  # on [0, 1]
@@ -40,7 +39,9 @@ def mass_of(cell: Features, dilation: float) -> tuple[float, NDArray, NDArray]:
     for v in range(cell.vertices):
         totals += _corner(cell, v, dilation)
     volume = totals[0]
-    second = np.array([[totals[4], totals[7], totals[8]], [totals[7], totals[5], totals[9]], [totals[8], totals[9], totals[6]]])
+    second = np.array(
+        [[totals[4], totals[7], totals[8]], [totals[7], totals[5], totals[9]], [totals[8], totals[9], totals[6]]]
+    )
     return float(volume), totals[1:4] / volume, second
 
 

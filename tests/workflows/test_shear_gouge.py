@@ -36,7 +36,13 @@ def test_values_that_contradict_each_other_are_refused(values, words):
 
 
 def test_contradictions_are_reported_together():
-    values = {"smallest_diameter": 2e-4, "steady_from": 9.0, "shape": "angular", "stiffness_number": 100.0, "corner_radius": 0.02}
+    values = {
+        "smallest_diameter": 2e-4,
+        "steady_from": 9.0,
+        "shape": "angular",
+        "stiffness_number": 100.0,
+        "corner_radius": 0.02,
+    }
     with pytest.raises(SettingsError) as caught:
         merge(shear_gouge.Params, options=values)
     text = "\n".join(caught.value.problems)
