@@ -201,31 +201,6 @@ class ContactForces:
         return result
 
     @ti.func
-    def acceleration(self, s, depth, approach, dt):
-        """Second rate of the depth [m s-2] from the depths of the last steps, 0 if they do not belong together.
-
-        Pairs whose bounding balls were apart have old depths on record; these contradict the speed of approach.
-        """
-        last, earlier = self.pairs.last_depth[s], self.pairs.earlier_depth[s]
-        new, old = (depth - last) / dt, (last - earlier) / dt
-        near = ti.abs(new - approach) < TRUSTED * ti.abs(approach) and ti.abs(old - approach) < 4 * TRUSTED * ti.abs(
-            approach
-        )
-        return ti.select(near, (new - old) / dt, 0.0 * depth)
-
-    @ti.func
-    def passage(self, d, u, acceleration, dt):
-        """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
-        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time."""
-        now = u + 0.5 * acceleration * dt
-        square = now * now - 2.0 * acceleration * d
-        speed, time = 0.0 * d, dt
-        if now > 0.0 and square > 0.0:
-            speed = ti.sqrt(square)
-            time = 2.0 * d / (now + speed)
-        return speed, time
-
-    @ti.func
     def elastic_force(self, depth):
         """Force of the springs alone at this depth [N]."""
         contact = self.contact_type(0)

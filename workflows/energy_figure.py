@@ -7,13 +7,18 @@ NAMES = {
     "velocity_verlet": "velocity Verlet",
     "symplectic_euler": "symplectic Euler",
     "explicit_euler": "explicit Euler, as printed",
+    "cones": "cones that tile",
+    "cones_that_miss_seams": "cones that miss seams",
 }
 COLOURS = {
     "onset_verlet": "#0072b2",
     "velocity_verlet": "#e69f00",
     "symplectic_euler": "#009e73",
     "explicit_euler": "#cc79a7",
+    "cones": "#56b4e9",
+    "cones_that_miss_seams": "#d55e00",
 }
+WITH_SHADOW = ("onset_verlet", "velocity_verlet")
 TERMS = ("translational_energy", "rotational_energy", "elastic_energy")
 
 
@@ -47,9 +52,10 @@ def plot_energy(path, rows, series, published):
 
     for scheme in COLOURS:
         for name, style in (("drift", "o-"), ("shadow_drift", "s:")):
-            mine = [r for r in rows if r["scheme"] == scheme and r["purpose"] == "order"]
+            mine = [r for r in rows if r["scheme"] == scheme and r["purpose"] in ("order", "plateau")]
+            mine = mine or [r for r in rows if r["scheme"] == scheme and r["purpose"] == "drift"]
             levels = sorted({r["steps_per_contact"] for r in mine})
-            if not levels or (name == "shadow_drift" and scheme == "symplectic_euler"):
+            if not levels or (name == "shadow_drift" and scheme not in WITH_SHADOW):
                 continue
             mean = [np.sqrt(np.mean([r[name] ** 2 for r in mine if r["steps_per_contact"] == n])) for n in levels]
             label = NAMES[scheme] + (", shadow energy" if name == "shadow_drift" else "")

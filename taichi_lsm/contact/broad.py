@@ -100,6 +100,7 @@ class NeighbourSearch:
         self.grains = grains
         self.domain = domain
         self.parts, self.several = parts, parts is not None
+        self.real = current().real
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
@@ -168,12 +169,12 @@ class NeighbourSearch:
     def near_parts(self, k, l, a, b):
         """Do part a of grain k and part b of grain l belong on the list?"""
         g = self.grains
-        d = ti.cast(self.domain.displacement(g.position[k], g.position[l]), current().real)
-        return self.parts.apart(k, l, a, b, d) < ti.cast(self.skin[None], current().real)
+        d = ti.cast(self.domain.displacement(g.position[k], g.position[l]), self.real)
+        return self.parts.apart(k, l, a, b, d) < ti.cast(self.skin[None], self.real)
 
     @ti.func
     def insert(self, s, found, k, l, code, p: ti.template()):
-        """Put grain l into the row that begins at list slot s and holds `found` pairs, in the order of ids and parts."""
+        """Put grain l into the row that begins at slot s and holds `found` pairs, in the order of ids and parts."""
         g = self.grains
         at = s + found
         while at > s and p.partner_id[at - 1] > g.id[l]:

@@ -139,7 +139,7 @@ class ChainContact:
 
     @ti.func
     def leaving(self, a, k, i, u, rate):
-        """Time [s] since the body direction u of grain k left arc i of part a, turning at `rate` [rad s-1]; 0 inside."""
+        """Time [s] since the body direction u of grain k, turning at `rate` [rad s-1], left arc i of part a; or 0."""
         t = self.table
         time = 0.0 * rate
         if t.patches[a] > 1:
@@ -153,8 +153,8 @@ class ChainContact:
 
     @ti.func
     def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
-        """(depth [m], unit normal, contact point relative to grain k [m]) of arcs continued as circles, for grains placed
-        otherwise than now."""
+        """(depth [m], unit normal, contact point relative to grain k [m]) of arcs continued as circles, for grains
+        placed otherwise than now."""
         x, depth, n, u_k, u_l = self.placed(a, b, k, l, features[0], features[1], d, orientation_k, orientation_l)
         return depth, n, x
 

@@ -57,6 +57,20 @@ class ConeContact:
         self.real = current().real
 
     @ti.func
+    def placed(self, a, b, k, l, d, turn_k, turn_l):
+        """(depth [m], unit normal, contact point relative to grain k [m]) of two patches taken as full spheres."""
+        g, t = self.grains, self.table
+        p_i = rotate(turn_k, t.centre[a]) * g.scale[k]
+        w = d + rotate(turn_l, t.centre[b]) * g.scale[l] - p_i
+        depth, n, at = sphere_overlap(w, t.patch_radius[a] * g.scale[k], t.patch_radius[b] * g.scale[l])
+        return depth, n, p_i + at * n
+
+    @ti.func
+    def continued(self, a, b, k, l, unused, d, orientation_k, orientation_l, n):
+        """As `placed`, for grains turned otherwise than now."""
+        return self.placed(a, b, k, l, d, ti.cast(orientation_k, self.real), ti.cast(orientation_l, self.real))
+
+    @ti.func
     def overlap(self, a, b, k, l, s, d):
         """(depth [m], unit normal k -> l, contact point relative to grain k [m]) of patch a of k and patch b of l.
 
@@ -65,9 +79,7 @@ class ConeContact:
         """
         g, t = self.grains, self.table
         turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
-        p_i = rotate(turn_k, t.centre[a]) * g.scale[k]
-        w = d + rotate(turn_l, t.centre[b]) * g.scale[l] - p_i
-        depth, n, at = sphere_overlap(w, t.patch_radius[a] * g.scale[k], t.patch_radius[b] * g.scale[l])
+        depth, n, x = self.placed(a, b, k, l, d, turn_k, turn_l)
         faces = t.axis[a].dot(unrotate(turn_k, n)) >= t.cosine[a] and -t.axis[b].dot(unrotate(turn_l, n)) >= t.cosine[b]
         if depth >= g.cap_radius[k] + g.cap_radius[l]:
             if t.cosine[a] < -1.0 and t.cosine[b] < -1.0:
@@ -75,4 +87,4 @@ class ConeContact:
             faces = False
         if not faces:
             depth = -ti.abs(depth)
-        return depth, n, p_i + at * n
+        return depth, n, x

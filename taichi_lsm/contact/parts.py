@@ -24,6 +24,7 @@ class PartTable:
     def __init__(self, shapes, grains):
         self.grains = grains
         self.dim = grains.dim
+        self.real = current().real
         rows = sum(len(s.parts) for s in shapes)
         table = allocate(SHAPE_ROWS, rounded_capacity(len(shapes)), {})
         balls = allocate(BALL_ROWS, rounded_capacity(rows), {"space": self.dim, "turn": turn_size(self.dim)})
@@ -43,8 +44,8 @@ class PartTable:
     @ti.func
     def apart(self, k, l, a, b, d):
         """Distance of the bounding balls of part a of grain k and part b of grain l, d = c_l - c_k [m]."""
-        g, real = self.grains, ti.static(current().real)
+        g = self.grains
         i, j = self.first[g.shape[k]] + a, self.first[g.shape[l]] + b
-        c_i = rotate(ti.cast(g.orientation[k], real), self.centre[i]) * g.scale[k]
-        c_j = rotate(ti.cast(g.orientation[l], real), self.centre[j]) * g.scale[l]
+        c_i = rotate(ti.cast(g.orientation[k], self.real), self.centre[i]) * g.scale[k]
+        c_j = rotate(ti.cast(g.orientation[l], self.real), self.centre[j]) * g.scale[l]
         return (d + c_j - c_i).norm() - self.bound[i] * g.scale[k] - self.bound[j] * g.scale[l]

@@ -197,7 +197,7 @@ class PolyhedronContact:
 
     @ti.func
     def leaving(self, a, f, u, u_before):
-        """Part of the step since the body direction left the cone of feature f of part a: at u now, at u_before then."""
+        """Part of the step since the body direction u, once u_before, left the cone of feature f of part a; or 0."""
         t = self.table
         row = t.first[a] + f
         part = 0.0 * u[0]
@@ -210,8 +210,8 @@ class PolyhedronContact:
 
     @ti.func
     def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
-        """(depth [m], unit normal, contact point relative to grain k [m]) of features continued beyond their bounds, for
-        grains placed otherwise than now; depth -1 where there is no such contact. The normal n starts the search."""
+        """(depth [m], unit normal, contact point from grain k [m]) of features continued past their bounds,
+        for grains placed otherwise than now; depth -1 where there is no such contact. The normal n starts the search."""
         c_i, axis_i, rho_i, r_i = self.placed(a, features[0], k, orientation_k)
         c_j, axis_j, rho_j, r_j = self.placed(b, features[1], l, orientation_l)
         n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)

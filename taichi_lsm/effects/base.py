@@ -11,14 +11,15 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
         contact_energy(self, contact, history) -> energy stored now [J]
         on_grain(self, inverse_mass, force) adds to the force [N] on a mobile grain (phase "body")
         grain_energy(self, inverse_mass, position) -> potential energy [J] of a grain (phase "body")
-        onset_impulse(self, speed, acceleration, fraction, dt) -> impulse [N s] that pushes the grains apart (phase "normal")
+        onset_impulse(self, speed, acceleration, fraction, dt) -> impulse [N s], repulsive (phase "normal")
         tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
         stable_dt(self, bodies) -> largest stable step of this law alone [s], host
         cases(cls) -> instances that the contract tests try
 
 `onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a
 step: for a force c t^p that starts a fraction of the step before its end it is -c dt^(p+1) zeta(-p, fraction), zeta
-the Hurwitz zeta function; speed [m s-1] is that of approach (begin) or recession (end).
+the Hurwitz zeta function; speed [m s-1] is that of approach (begin) or recession (end) when the depth is zero, and
+acceleration [m s-2] the second rate of the depth in time (begin) or in reversed time (end).
 
 In `on_contact` a law adds to `contact.normal_force` [N, repulsive], `contact.stiffness` [N m-1] and
 `contact.tangential_force` [N, on the second grain], and writes its history in place. It is called while the grains

@@ -155,8 +155,8 @@ def from_patches(
         gaps = trial.coverage()
         if np.any(alpha < np.pi) and sum(gaps) > CLOSED:
             raise ValueError(
-                f"measure, inertia: must be given, for the patches enclose no definite body: {gaps.uncovered:.3g} of the "
-                f"directions are uncovered and {gaps.doubly_covered:.3g} covered twice"
+                f"measure, inertia: must be given, for the patches enclose no definite body: {gaps.uncovered:.3g} of "
+                f"the directions are uncovered and {gaps.doubly_covered:.3g} covered twice"
             )
         x, n, weight = _surface(p, r, e, alpha)
         measure, centroid, second = _moments(x, n, weight)

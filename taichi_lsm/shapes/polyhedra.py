@@ -146,7 +146,7 @@ def _with_corner(n: NDArray, h: NDArray, corner_radius: float, name: str) -> Bal
     if not 0 < corner_radius < 0.5:
         raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a sphere")
     room = _inscribed(n, h)[1]
-    asked, slope = corner_radius * 2.0 * room, None
+    asked, last = corner_radius * 2.0 * room, (0.0, 0.0)
     for _ in range(12):  # a secant on the dilation that comes out over the one that was asked for
         if not asked < room:
             raise ValueError(f"corner_radius = {corner_radius}: too large for these planes")
@@ -154,8 +154,8 @@ def _with_corner(n: NDArray, h: NDArray, corner_radius: float, name: str) -> Bal
         got = shape.dilation
         if abs(got - corner_radius) <= CORNER_TOLERANCE:
             break
-        slope = got / asked if slope is None else (got - before[1]) / (asked - before[0])
-        before = (asked, got)
+        slope = (got - last[1]) / (asked - last[0])
+        last = (asked, got)
         asked += (corner_radius - got) / slope
     return shape
 
@@ -201,7 +201,7 @@ def random_angular_polyhedra(
 
 
 def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray, NDArray, NDArray]]:
-    """(site (3,), normals (m, 3), distances from the site (m,)) of a relaxed Voronoi tiling of the periodic unit cube."""
+    """(site (3,), normals (m, 3), distances from it (m,)) of the cells of a relaxed periodic Voronoi tiling."""
     sites = np.random.default_rng(seed).random((count, 3))
     shifts = np.array(np.meshgrid(*[[0, -1, 1]] * 3, indexing="ij")).reshape(3, -1).T
     for step in range(relaxations + 1):
