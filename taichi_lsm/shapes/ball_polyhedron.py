@@ -18,6 +18,7 @@ from .grain import GrainShape, frozen_array
 from .polyhedron_mass import mass_of
 
 SLACK = 1.25  # of a face's radius over the least that holds the other tangent points: less makes slivers
+CORNER_ROUNDING = 1e-9  # of a bound: a corner of a narrow cone is known no better
 SAMPLES = 4000  # directions that bound the lever
 ARRAYS = ("feature_centre", "feature_radius", "ring_axis", "ring_radius", "bound", "bound_offset")
 INDICES = ("first_bound", "bound_next")
@@ -146,7 +147,8 @@ class BallPolyhedron(GrainShape):
             foot, line, rest = foot[rest > 0], line[rest > 0], np.sqrt(rest[rest > 0])
             along = (rest / np.linalg.norm(line, axis=1))[:, None] * line
             n = np.concatenate([foot + along, foot - along])
-            result.append(n[np.all(n @ a.T <= b + 1e-9, axis=1)] if len(n) else n.reshape(0, 3))
+            out = (n @ a.T - b).max(axis=1, initial=-2.0)
+            result.append(n[out <= max(CORNER_ROUNDING, out.min(initial=2.0))])
         return result
 
     def mesh(self, points: int = 2000) -> tuple[NDArray, NDArray]:
