@@ -142,7 +142,7 @@ class BallPolyhedron(GrainShape):
             line = np.cross(a[i], a[j])
             length = np.sum(line**2, axis=1)
             i, j, line, length = (v[length > 1e-20] for v in (i, j, line, length))
-            foot = np.cross(b[i, None] * a[j] - b[j, None] * a[i], line) / -length[:, None]
+            foot = np.cross(b[i, None] * a[j] - b[j, None] * a[i], line) / length[:, None]
             rest = 1.0 - np.sum(foot**2, axis=1)
             foot, line, rest = foot[rest > 0], line[rest > 0], np.sqrt(rest[rest > 0])
             along = (rest / np.linalg.norm(line, axis=1))[:, None] * line
