@@ -41,6 +41,7 @@ _HOME = {
     "equal_clump": "shapes",
     "outline_error": "shapes",
     "union": "shapes",
+    "rescaled": "shapes",
     "placed": "shapes",
     "cross": "shapes",
     "pave_volume": "shapes",

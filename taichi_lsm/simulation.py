@@ -266,6 +266,7 @@ class Simulation:
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0
+        self.faults.clear()
         self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
         self.integrator.dt[None] = self._dt
         for bound, effect in zip(self.effects, scene.effects, strict=True):

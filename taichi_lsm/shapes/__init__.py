@@ -3,7 +3,7 @@
 from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
 from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
-from .grain import GrainShape
+from .grain import GrainShape, rescaled
 from .library import random_angular_shapes
 from .patch import ArcChain, disc, sphere
 from .paving import pave, pave_volume
@@ -41,6 +41,7 @@ __all__ = [
     "random_angular_polyhedra",
     "random_angular_shapes",
     "regular_disc_of_arcs",
+    "rescaled",
     "regular_polyhedron",
     "sphere",
     "superellipsoid",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -72,6 +72,18 @@ class GrainShape:
     def part_bounds(self) -> tuple[NDArray, NDArray]:
         """Balls that hold the parts: centres (parts, dim) in the body frame, radii (parts,)."""
         return np.zeros((1, self.dim)), np.array([self.bounding_radius])
+
+
+LENGTHS = ("centre", "radius", "bounding_radius", "cap_radius", "lever")
+
+
+def rescaled(shape: GrainShape, factor: float) -> GrainShape:
+    """The same arc chain or patch grain in other units of length: all lengths times `factor` > 0."""
+    if not (np.isfinite(factor) and factor > 0):
+        raise ValueError(f"factor = {factor}: must be finite and > 0")
+    lengths = {name: getattr(shape, name) * factor for name in LENGTHS}
+    mass = {"measure": shape.measure * factor**shape.dim, "inertia": shape.inertia * factor ** (shape.dim + 2)}
+    return replace(shape, **lengths, **mass)
 
 
 def frozen_array(field: str, value: ArrayLike) -> NDArray:

@@ -1,13 +1,12 @@
 """The generator of Abe & Mora (2003): an area or a volume split into tiles, one grain fitted to each."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 from shapely.geometry import Polygon
 
 from .arc_chain import from_polygon
+from .grain import rescaled
 from .patch import ArcChain
 from .polyhedra import placed_from_planes, voronoi_cells
 from .tiling import voronoi_tiles
@@ -25,7 +24,7 @@ def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
         inset = np.array(Polygon(tile).buffer(-gap, join_style="mitre").exterior.coords)[:-1]
         fitted = from_polygon(inset, corner_radius, arcs_per_corner=arcs_per_corner, normalise=False)
         diameter = float(np.sqrt(4.0 * fitted.measure / np.pi))
-        shapes.append(_scaled(fitted, 1.0 / diameter))
+        shapes.append(rescaled(fitted, 1.0 / diameter))
         places.append(_place(fitted, inset))
         diameters.append(diameter)
     return shapes, np.array(places), np.array(diameters)
@@ -48,20 +47,6 @@ def pave_volume(count, length, seed, corner_radius, gap):
         diameters.append(diameter)
         turns.append(Rotation.from_matrix(frame).as_quat(scalar_first=True))
     return shapes, np.array(places), np.array(diameters), np.array(turns)
-
-
-def _scaled(shape: ArcChain, factor: float) -> ArcChain:
-    """The same shape in other units of length."""
-    return replace(
-        shape,
-        centre=shape.centre * factor,
-        radius=shape.radius * factor,
-        measure=shape.measure * factor**2,
-        inertia=shape.inertia * factor**4,
-        bounding_radius=shape.bounding_radius * factor,
-        cap_radius=shape.cap_radius * factor,
-        lever=shape.lever * factor,
-    )
 
 
 def _place(shape: ArcChain, polygon) -> np.ndarray:

@@ -1,0 +1,251 @@
+"""What patches gain over clumps: shape error, surface roughness, friction and cost at the same outline (2D).
+
+Abe & Mora (2003) say that clumps of spheres tie the roughness of the surface to the number of spheres and patches do
+not. Rounded polygons are stood for by chains of arcs and by clumps of equal discs; both are compared with the polygon,
+and sheared in the same layer.
+"""
+
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+import taichi_lsm as lsm
+from workflows import shear_gouge
+from workflows.settings import Params as BaseParams
+from workflows.settings import to_toml
+from workflows.summary import Figure, write_summary
+
+COUNTS = (12, 18, 30, 60, 120)  # patches or discs per grain
+SIDES = 6
+WIDTH = 6.0  # degrees: half the turn of a side's arc, divided by the arcs of a corner plus one
+FLATTEST = 60.0  # radius of a side's arc, in diameters
+OUTLINES = 4  # different polygons
+COLUMNS = (
+    lsm.Variable("elements", ("run",), "i32", "1", "patches or discs per grain"),
+    lsm.Variable("shape_error", ("run",), "f64", "1", "greatest distance from the outline, in diameters"),
+    lsm.Variable("roughness", ("run",), "f64", "1", "rms distance from the outline, in diameters"),
+    lsm.Variable("friction_mean", ("run",), "f64", "1", "steady friction of the layer"),
+    lsm.Variable("friction_se", ("run",), "f64", "1", "its standard error"),
+    lsm.Variable("cost", ("run",), "f64", "s", "time per grain and step"),
+)
+
+
+class Params(BaseParams):
+    """Patches against clumps."""
+
+    corner_radius: float = Field(0.05, ge=0.02, le=0.25, description="of the polygons [equivalent diameters]")
+    most_sheared: int = Field(60, ge=12, description="patches or discs per grain up to which layers are sheared [1]")
+    layer_thickness: float = Field(12.0, ge=8, description="thickness of the layer [mean diameters]")
+    length: float = Field(14.0, ge=6, description="periodic length along the shear [mean diameters]")
+    inertial_number: float = Field(5e-3, gt=0, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    strain: float = Field(3.0, gt=0, description="shear strain to reach [1]")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {"most_sheared": 12, "layer_thickness": 8.0, "length": 8.0, "strain": 1.2, "inertial_number": 1e-2},
+        "demo": {"most_sheared": 30, "layer_thickness": 10.0, "length": 10.0, "strain": 2.0},
+        "standard": {},
+        "reference": {"most_sheared": 120, "length": 30.0, "strain": 5.0, "inertial_number": 1e-3},
+    }
+
+
+def polygons(params):
+    """Vertices (SIDES, 2) of convex polygons of equivalent diameter about 1, and their rounded outlines (shapely)."""
+    import shapely
+
+    rng = np.random.default_rng(params.seed)
+    result = []
+    for _ in range(OUTLINES):
+        angle = (np.arange(SIDES) + rng.uniform(-0.25, 0.25, SIDES)) * 2.0 * np.pi / SIDES
+        vertices = 0.55 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        r = params.corner_radius
+        body = shapely.Polygon(vertices).buffer(-r, join_style="mitre", mitre_limit=50).buffer(r, quad_segs=256)
+        result.append((vertices, body))
+    return result
+
+
+def patch_shape(vertices, elements, corner_radius):
+    """The polygon as a chain of `elements` arcs, and where its centre lies (2,); not rescaled."""
+    per_corner = elements // SIDES - 1
+    fitted = lsm.from_polygon(
+        vertices,
+        corner_radius,
+        np.radians(WIDTH / (per_corner + 1)),
+        per_corner,
+        largest_radius=FLATTEST,
+        normalise=False,
+        name=f"{elements} patches",
+    )
+    return fitted
+
+
+def deviation(outline, body):
+    """(greatest, rms) distance of the closed outline (k, 2) from that of the shapely body, centroids laid together."""
+    import shapely
+    from shapely.affinity import translate
+
+    mine = shapely.Polygon(outline)
+    shift = np.array(body.centroid.coords[0]) - np.array(mine.centroid.coords[0])
+    mine = translate(mine, *shift)
+    points = shapely.points(np.array(shapely.segmentize(mine.exterior, 0.002).coords))
+    distance = shapely.distance(points, body.exterior)
+    return float(shapely.hausdorff_distance(mine.exterior, body.exterior)), float(np.sqrt((distance**2).mean()))
+
+
+def shapes_of(params, kind, elements):
+    """(shapes of equivalent diameter 1, shape error, roughness) of one kind of grain, means over the outlines."""
+    import shapely
+
+    shapes, errors = [], []
+    for vertices, body in polygons(params):
+        exact = patch_shape(vertices, 120, params.corner_radius)
+        if kind == "patches":
+            shape = patch_shape(vertices, elements, params.corner_radius)
+            outline = shape.outline(4000)
+        else:
+            shape = lsm.equal_clump(exact, elements)
+            discs = shapely.buffer(shapely.points(shape.centre), shape.radius, quad_segs=64)
+            outline = np.array(shapely.union_all(discs).exterior.coords)
+        errors.append(deviation(outline, body))
+        size = np.sqrt(4.0 * exact.measure / np.pi)
+        shapes.append(lsm.rescaled(shape, 1.0 / size))
+    return shapes, *np.mean(errors, axis=0)
+
+
+def shear(params, kind, elements, out):
+    """Friction and cost of one layer, measured in the calling process: (mean, standard error, seconds per step)."""
+    shapes, *_ = shapes_of(params, kind, elements)
+    of_run = shear_gouge.Params(
+        shape="angular",
+        seed=params.seed,
+        corner_radius=params.corner_radius,
+        layer_thickness=params.layer_thickness,
+        length=params.length,
+        inertial_number=params.inertial_number,
+        strain=params.strain,
+        arch=params.arch,
+        precision=params.precision,
+        threads=params.threads,
+    )
+    scene = shear_gouge.build(of_run)
+    mobile = scene.platen < 0
+    scene.shapes = [scene.shapes[0], *shapes]
+    scene.shape = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
+    dataset = shear_gouge.simulate(scene, of_run, out, None)
+    figures = shear_gouge.analyse(dataset, of_run)
+    rate = _rate(out)
+    return figures["friction_mean"].value, figures["friction_se"].value, 1.0 / rate
+
+
+def _rate(out):
+    import json
+
+    return json.loads((Path(out) / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
+
+
+def measure(params, out, progress=None):
+    """Rows of the table, one per kind and number of elements. Layers run one after the other: they are timed."""
+    rows = []
+    spawn = multiprocessing.get_context("spawn")  # Taichi is started once per process
+    with ProcessPoolExecutor(1, mp_context=spawn, max_tasks_per_child=1) as pool:
+        for kind in ("patches", "clump"):
+            for elements in COUNTS:
+                _, error, roughness = shapes_of(params, kind, elements)
+                row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
+                values = (np.nan, np.nan, np.nan)
+                if elements <= params.most_sheared:
+                    values = pool.submit(shear, params, kind, elements, out / "runs" / f"{kind}-{elements}").result()
+                row |= dict(zip(("friction_mean", "friction_se", "cost"), values, strict=True))
+                rows.append(row)
+                if progress:
+                    progress({"label": f"{kind}-{elements}", "state": f"shape error {error:.2e}"})
+    return rows
+
+
+def analyse(rows):
+    """Figures: errors at 30 elements, and what a clump of the same error as 30 patches would cost."""
+
+    def column(kind, name):
+        return np.array([r[name] for r in rows if r["kind"] == kind])
+
+    figures = {}
+    at = COUNTS.index(30)
+    for kind, label in (("patches", "patches"), ("clump", "clump")):
+        figures[f"shape_error_{label}_30"] = Figure(float(column(kind, "shape_error")[at]), "1")
+        figures[f"roughness_{label}_30"] = Figure(float(column(kind, "roughness")[at]), "1")
+    elements = np.array(COUNTS, float)
+    slope, offset = np.polyfit(np.log(elements), np.log(column("clump", "shape_error")), 1)
+    needed = float(np.exp((np.log(figures["shape_error_patches_30"].value) - offset) / slope))
+    figures["discs_at_equal_error"] = Figure(needed, "1")
+    patches, clumps = column("patches", "cost"), column("clump", "cost")
+    known = np.isfinite(clumps)
+    per_disc = np.polyfit(elements[known], clumps[known], 1) if known.sum() > 1 else (clumps[0] / elements[0], 0.0)
+    cost = float(np.nanmax(patches[: at + 1]))
+    figures["cost_ratio_equal_error"] = Figure(float(np.polyval(per_disc, needed) / cost), "1")
+    last = int(np.flatnonzero(known)[-1])
+    for kind in ("patches", "clump"):
+        figures[f"friction_{kind}_{COUNTS[last]}"] = Figure(float(column(kind, "friction_mean")[last]), "1")
+        figures[f"friction_{kind}_{COUNTS[last]}_se"] = Figure(float(column(kind, "friction_se")[last]), "1")
+    return figures
+
+
+def run(params, out, progress=None):
+    """Run everything; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc."""
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    began = time.perf_counter()
+    rows = measure(params, out, progress)
+    dt = min(lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc"))
+    title = "Grains of patches and clumps of discs at the same outline"
+    attributes = lsm.file_attributes(
+        title, "Shape error, friction and cost.", to_toml(params), params.seed, dt, params.arch, params.precision
+    )
+    columns = {name: [r[name] for r in rows] for name in rows[0]}
+    lsm.write_table(
+        out / "roughness.nc", columns, COLUMNS, attributes, ("kind", "elements"), {"kind": "patches or clump"}
+    )
+    figures = analyse(rows)
+    plot(out / "roughness.png", rows, params)
+    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    write_summary(out, "shape-roughness", params.preset_name, figures, quiet=progress is None)
+    return lsm.open_run(out / "roughness.nc")
+
+
+def plot(path, rows, params):
+    """Draw roughness.png: an outline of each kind, error, friction and cost against the number of elements."""
+    import shapely
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Canvas
+
+    figure = Canvas(figsize=(14, 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    drawn, error, friction, cost = figure.subplots(1, 4)
+    vertices, body = polygons(params)[0]
+    exact = patch_shape(vertices, 120, params.corner_radius)
+    clump = lsm.equal_clump(exact, 30)
+    discs = shapely.union_all(shapely.buffer(shapely.points(clump.centre), clump.radius, quad_segs=64))
+    chain = patch_shape(vertices, 30, params.corner_radius).outline(2000)
+    drawn.plot(*np.array(discs.exterior.coords).T, color="#d55e00", lw=1.2, label="30 discs")
+    drawn.plot(*chain.T, color="#0072b2", lw=1.2, label="30 patches")
+    drawn.set(aspect="equal", xticks=[], yticks=[], title="One outline")
+    drawn.legend(fontsize=8, loc="center")
+    for kind, colour in (("patches", "#0072b2"), ("clump", "#d55e00")):
+        mine = [r for r in rows if r["kind"] == kind]
+        x = [r["elements"] for r in mine]
+        error.loglog(x, [r["shape_error"] for r in mine], "o-", color=colour, label=kind)
+        mean, se = ([r[n] for r in mine] for n in ("friction_mean", "friction_se"))
+        friction.errorbar(x, mean, se, fmt="o-", color=colour, capsize=3, label=kind)
+        cost.plot(x, [1e9 * r["cost"] for r in mine], "o-", color=colour, label=kind)
+    error.set(title="Shape error", ylabel="greatest distance / diameter [1]")
+    friction.set(title="Friction of the layer", ylabel="friction [1]")
+    cost.set(title="Cost", ylabel="time per grain and step [ns]")
+    for axes in (error, friction, cost):
+        axes.set_xlabel("patches or discs per grain [1]")
+        axes.grid(True, alpha=0.25)
+        axes.legend(fontsize=8)
+    figure.savefig(path, dpi=130)
