@@ -211,7 +211,7 @@ class PolyhedronContact:
     @ti.func
     def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
         """(depth [m], unit normal, contact point from k [m]) of features continued past their bounds,
-        for grains placed otherwise than now; depth -1 where there is no such contact. The normal n starts the search."""
+        for grains placed otherwise than now; depth -1 where there is none. The normal n starts the search."""
         c_i, axis_i, rho_i, r_i = self.placed(a, features[0], k, orientation_k)
         c_j, axis_j, rho_j, r_j = self.placed(b, features[1], l, orientation_l)
         n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MERGE = 1e-9  # of the size: vertices nearer than this are one, edges shorter than this are none
+GUARD_DIRECTIONS = 3000  # that look for false normals of a face
 LONGEST_EDGE = np.radians(120.0)  # of an edge's arc; longer ones are cut, for a wedge must stay below pi
 
 
@@ -107,7 +108,56 @@ def cell_of_balls(p: NDArray, big: NDArray) -> Features:
             f"centres, radii: {len(faces)} faces, {len(edges)} edges and {len(vertex)} vertices do not close "
             "(faces - edges + vertices must be 2): slivers, or faces in several pieces"
         )
-    return _assembled(p[faces], big[faces], edges, index, vertex, ends)
+    return _guarded(_assembled(p[faces], big[faces], edges, index, vertex, ends))
+
+
+def _guarded(cell: Features) -> Features:
+    """Add a bound to every face whose circles also leave room on the far side of the sphere of normals.
+
+    That happens where neighbouring balls differ in radius: their circles are then small caps. The guard is a cap about
+    the face that its own normals do not reach; what lies beyond is left to a search over all features.
+    """
+    n = spread(GUARD_DIRECTIONS)
+    p, big = cell.centre[: cell.faces], cell.radius[: cell.faces]
+    guards = {}
+    for f in range(cell.faces):
+        own = slice(cell.first_bound[f], cell.first_bound[f + 1])
+        inside = n[np.all(n @ cell.bound[own].T <= cell.offset[own], axis=1)]
+        x = p[f] + big[f] * inside
+        false = (np.linalg.norm(x[:, None] - p, axis=2) > big * (1.0 + 1e-9)).any(axis=1)
+        if not false.any():
+            continue
+        rim = np.concatenate(
+            [
+                p_e + rho * cell.circle(e, cell.start[e] + cell.span[e] * np.linspace(0, 1, 9)) - p[f]
+                for e in np.flatnonzero((cell.side == f).any(axis=1))
+                for p_e, rho in [(cell.centre[cell.faces + e], cell.rho[cell.faces + e])]
+            ]
+        )
+        rim = np.concatenate([rim / big[f], inside[~false]])
+        middle = rim.sum(axis=0) / np.linalg.norm(rim.sum(axis=0))
+        widest, nearest = (rim @ middle).min(), (inside[false] @ middle).max()
+        if nearest >= widest:
+            raise ValueError(f"centres, radii: face {f} cannot be told from directions that are not its own")
+        guards[f] = (-middle, -0.5 * (widest + nearest))
+    if not guards:
+        return cell
+    at = [cell.first_bound[f + 1] for f in guards]
+    first = cell.first_bound + np.array([sum(f < k for f in guards) for k in range(len(cell.first_bound))])
+    return replace(
+        cell,
+        first_bound=first,
+        bound=np.insert(cell.bound, at, [a for a, _ in guards.values()], axis=0),
+        offset=np.insert(cell.offset, at, [b for _, b in guards.values()]),
+        beyond=np.insert(cell.beyond, at, [cell.beyond[cell.first_bound[f]] for f in guards]),
+    )
+
+
+def spread(count: int) -> NDArray:
+    """`count` unit vectors (count, 3), nearly even over the sphere."""
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    return np.stack([np.sqrt(1.0 - z**2) * np.cos(angle), np.sqrt(1.0 - z**2) * np.sin(angle), z], axis=1)
 
 
 def _not_hidden(p: NDArray, big: NDArray) -> NDArray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .ball_cells import Features, cell_of_balls
+from .ball_cells import Features, cell_of_balls, spread
 from .grain import GrainShape, frozen_array
 from .polyhedron_mass import mass_of
 
@@ -182,13 +182,6 @@ class BallPolyhedron(GrainShape):
         lengths += ("bounding_radius", "cap_radius", "lever")
         changed = {name: getattr(self, name) * factor for name in lengths}
         return replace(self, **changed, measure=self.measure * factor**3, inertia=self.inertia * factor**5)
-
-
-def spread(count: int) -> NDArray:
-    """`count` unit vectors (count, 3), nearly even over the sphere."""
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
-    return np.stack([np.sqrt(1.0 - z**2) * np.cos(angle), np.sqrt(1.0 - z**2) * np.sin(angle), z], axis=1)
 
 
 def ball_polyhedron(

@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .ball_polyhedron import spread
+from .ball_cells import spread
 from .grain import GrainShape, frozen_array
 from .patch import ArcChain
 

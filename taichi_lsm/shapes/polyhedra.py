@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError, Voronoi
 
-from .ball_polyhedron import BallPolyhedron, placed_ball_polyhedron, spread, tangent_ball_polyhedron
+from .ball_cells import spread
+from .ball_polyhedron import BallPolyhedron, placed_ball_polyhedron, tangent_ball_polyhedron
 
 FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the body
 TILES_PER_BATCH = 64  # fixed, so that the first n shapes of a seed do not depend on how many are asked for

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arc_chain import from_polygon
-from .ball_polyhedron import BallPolyhedron, spread
+from .ball_cells import spread
+from .ball_polyhedron import BallPolyhedron
 from .grain import GrainShape
 from .patch import ArcChain
 
