@@ -245,7 +245,9 @@ def plot(path, rows, params):
     friction.set(title="Friction of the layer", ylabel="friction [1]")
     cost.set(title="Cost", ylabel="time per grain and step [ns]")
     for axes in (error, friction, cost):
-        axes.set_xlabel("patches or discs per grain [1]")
+        axes.set(xlabel="patches or discs per grain [1]", xscale="log", xlim=(0.8 * COUNTS[0], 1.25 * COUNTS[-1]))
+        axes.set_xticks(COUNTS, [str(n) for n in COUNTS])
+        axes.minorticks_off()
         axes.grid(True, alpha=0.25)
         axes.legend(fontsize=8)
     figure.savefig(path, dpi=130)

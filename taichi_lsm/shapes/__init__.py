@@ -4,10 +4,14 @@ from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
 from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
 from .grain import GrainShape, rescaled
-from .library import random_angular_shapes
+from .library import random_angular_shapes, regular_polygon
+from .meshes import Misfit, from_mesh
+from .outlines import from_outline, outline_of_image
+from .ovals import ellipse, superellipse
 from .patch import ArcChain, disc, sphere
 from .paving import pave, pave_volume
 from .polyhedra import ellipsoid, from_planes, random_angular_polyhedra, regular_polyhedron, superellipsoid
+from .storage import load_shapes, save_shapes
 from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
 from .union import Union, cross, placed, union
 
@@ -18,6 +22,7 @@ __all__ = [
     "ArcChain",
     "BallPolyhedron",
     "GrainShape",
+    "Misfit",
     "PatchGrain",
     "PolygonMeasures",
     "Union",
@@ -27,13 +32,18 @@ __all__ = [
     "clump",
     "cross",
     "disc",
+    "ellipse",
     "ellipsoid",
     "equal_clump",
     "from_chain",
+    "from_mesh",
+    "from_outline",
     "from_patches",
     "from_planes",
     "from_polygon",
+    "load_shapes",
     "outline_error",
+    "outline_of_image",
     "pave",
     "pave_volume",
     "placed",
@@ -41,9 +51,12 @@ __all__ = [
     "random_angular_polyhedra",
     "random_angular_shapes",
     "regular_disc_of_arcs",
-    "rescaled",
+    "regular_polygon",
     "regular_polyhedron",
+    "rescaled",
+    "save_shapes",
     "sphere",
+    "superellipse",
     "superellipsoid",
     "tangent_ball_polyhedron",
     "union",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .arc_chain import from_polygon
@@ -76,3 +77,23 @@ def _with_corner_radius(tile: NDArray, corner_radius: float, name: str) -> ArcCh
             return shape
         asked *= corner_radius / shape.cap_radius
     return None
+
+
+def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: int = 1) -> ArcChain:
+    """A regular polygon with rounded corners, corner_radius in units of its equivalent diameter, to 1e-10.
+
+    Raises ValueError for fewer than 3 sides or a corner radius out of range.
+    """
+    if sides < 3:
+        raise ValueError(f"sides = {sides}: must be at least 3")
+    if not 0 < corner_radius < 0.5:
+        raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a disc")
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    asked = corner_radius
+    for _ in range(60):
+        shape = from_polygon(corners, asked, arcs_per_corner=arcs_per_corner, name=f"regular polygon of {sides} sides")
+        if abs(shape.cap_radius - corner_radius) <= CORNER_TOLERANCE:
+            break
+        asked *= corner_radius / shape.cap_radius
+    return shape

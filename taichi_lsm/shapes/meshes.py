@@ -15,6 +15,7 @@ MOST_TRIANGLES = 1_000_000
 COPLANAR = np.radians(5.0)  # facets of the hull whose normals differ by less are one face
 FLATTEST = 50.0  # radius of a face in sizes, for meshes with flat faces
 SMALLEST_FACE = 1e-4  # of the surface: smaller facets are left to the rounding
+FEW_MORE = 4  # faces of a mesh over those asked for: beyond it is a smooth body
 HULL_VOLUME = 0.01  # part by which the hull may exceed a mesh that counts as convex
 
 
@@ -48,24 +49,21 @@ def from_mesh(
         raise ValueError(f"mesh: not convex, its hull is {100 * excess:.3g} % larger; hull=True takes the hull")
     diameter = (6.0 * body.volume / np.pi) ** (1.0 / 3.0)
     vertices = wrapped.vertices - body.center_mass
-    normals, points, flat = _targets(wrapped, vertices, faces)
     r = corner_radius * diameter
-    size = 2.0 * np.linalg.norm(vertices, axis=1).max()
-    factor = 1.0
-    for _ in range(2):  # bulging faces take more room than the mesh: a second fit is drawn in by as much
-        inset = factor * points - r * normals
-        radius = _radii(inset, normals, size, flat)
-        fitted, centre, frame = placed_ball_polyhedron(inset - radius[:, None] * normals, radius, r, "mesh")
-        factor *= (wrapped.volume / fitted.measure) ** (1.0 / 3.0)
-    misfit = _misfit(fitted, centre, frame, vertices, body, diameter)
+    fits = [_fit(wrapped, vertices, body, r, diameter, *target) for target in _targets(wrapped, vertices, faces)]
+    fitted, misfit = min((f for f in fits if f), key=lambda fit: fit[1].rms_distance, default=(None, None))
+    if fitted is None:
+        raise ValueError(f"mesh: {faces} faces and corner_radius = {corner_radius} give no closed surface; change them")
     return fitted.rescaled((np.pi / 6.0 / fitted.measure) ** (1.0 / 3.0)), misfit
 
 
 def _checked(mesh):
     import trimesh
 
+    label = "mesh"
     if not isinstance(mesh, trimesh.Trimesh):
         path = Path(mesh)
+        label = f"mesh {path}"
         if not path.is_file():
             raise ValueError(f"mesh {path}: no such file")
         try:
@@ -76,25 +74,42 @@ def _checked(mesh):
             raise ValueError(f"mesh {path}: holds no single triangle mesh")
     count = len(mesh.faces)
     if count > MOST_TRIANGLES:
-        raise ValueError(f"mesh: {count} triangles, must be at most {MOST_TRIANGLES}; simplify it first")
+        raise ValueError(f"{label}: {count} triangles, must be at most {MOST_TRIANGLES}; simplify it first")
     if count < 4 or not np.all(np.isfinite(mesh.vertices)):
-        raise ValueError(f"mesh: {count} triangles, must be at least 4 with finite vertices")
+        raise ValueError(f"{label}: {count} triangles, must be at least 4 with finite vertices")
     mesh = mesh.copy()
     mesh.merge_vertices()
     if not mesh.is_watertight:
-        raise ValueError("mesh: has holes (not watertight); close it first")
+        raise ValueError(f"{label}: has holes (not watertight); close it first")
     if mesh.volume < 0:
         mesh.invert()
     if not mesh.volume > 1e-12 * np.ptp(mesh.vertices, axis=0).max() ** 3:
-        raise ValueError(f"mesh: volume {mesh.volume:g}, must be above 0")
+        raise ValueError(f"{label}: volume {mesh.volume:g}, must be above 0")
     return mesh
 
 
-def _targets(hull, vertices: NDArray, faces: int) -> tuple[NDArray, NDArray, bool]:
-    """Normals and points (n, 3) that the faces touch, and whether they are the mesh's own flat faces."""
+def _fit(wrapped, vertices, body, r, diameter, normals, points, flat):
+    """(shape in the mesh's unit, misfit) for faces that touch these points with these normals, None if none closes."""
+    size = 2.0 * np.linalg.norm(vertices, axis=1).max()
+    factor = 1.0
+    try:
+        for _ in range(2):  # bulging faces take more room than the mesh: a second fit is drawn in by as much
+            inset = factor * points - r * normals
+            radius = _radii(inset, normals, size, flat)
+            fitted, centre, frame = placed_ball_polyhedron(inset - radius[:, None] * normals, radius, r, "mesh")
+            factor *= (wrapped.volume / fitted.measure) ** (1.0 / 3.0)
+    except ValueError:
+        return None
+    return fitted, _misfit(fitted, centre, frame, vertices, body, diameter)
+
+
+def _targets(hull, vertices: NDArray, faces: int) -> list[tuple[NDArray, NDArray, bool]]:
+    """Normals and points (n, 3) that the faces touch, and whether these are flat: the mesh's own largest faces, and, if
+    it has more, means of gathered facets."""
     merged = _flat_faces(hull, vertices)
+    flat = (np.array([n for n, _ in merged[:faces]]), np.array([x for _, x in merged[:faces]]), True)
     if len(merged) <= faces:
-        return np.array([n for n, _ in merged]), np.array([x for _, x in merged]), True
+        return [flat]
     n = spread(faces)
     for _ in range(8):  # gather the facets by the nearest normal; each face takes the mean of its facets
         nearest = np.argmax(hull.face_normals @ n.T, axis=1)
@@ -103,7 +118,8 @@ def _targets(hull, vertices: NDArray, faces: int) -> tuple[NDArray, NDArray, boo
         length = np.linalg.norm(total, axis=1)
         n[length > 0] = total[length > 0] / length[length > 0, None]
     n = n[length > 0]
-    return n, vertices[np.argmax(vertices @ n.T, axis=0)], False
+    gathered = (n, vertices[np.argmax(vertices @ n.T, axis=0)], False)
+    return [flat, gathered] if len(merged) <= FEW_MORE * faces else [gathered]
 
 
 def _flat_faces(hull, vertices: NDArray) -> list[tuple[NDArray, NDArray]]:
