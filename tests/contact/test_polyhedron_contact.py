@@ -9,7 +9,7 @@ from taichi_lsm.contact.polyhedra import PolyhedronTable
 from taichi_lsm.runtime import ti
 from tests import scenes
 
-PAIRS = 120
+PAIRS = 80
 STIFFNESS = 1e5
 
 
@@ -87,7 +87,7 @@ def pairs(runtime, table):
     """Far-apart pairs at random orientations, overlapping by 1e-6 to 0.03 along a random line."""
     rng = np.random.default_rng(5)
     shape = rng.integers(1, len(table), (PAIRS, 2))
-    shape[-15:, 0] = 0
+    shape[-10:, 0] = 0
     scale = rng.uniform(0.8, 1.25, (PAIRS, 2))
     turn = [[Rotation.random(random_state=rng), Rotation.random(random_state=rng)] for _ in range(PAIRS)]
     towards = DIRECTIONS[rng.integers(0, len(DIRECTIONS), PAIRS)]

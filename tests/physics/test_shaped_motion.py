@@ -51,7 +51,6 @@ SHAPES = {
     "chains": (2, lambda: lsm.random_angular_shapes(4, 2)),
     "polyhedra": (3, lambda: [*lsm.random_angular_polyhedra(3, 2), lsm.sphere(), lsm.ellipsoid((1, 1.5, 2), 20)]),
     "union": (2, lambda: [lsm.cross(), *lsm.random_angular_shapes(2, 2)]),
-    "clump": (2, lambda: [lsm.clump([(0, 0), (0.6, 0), (0.3, 0.5)], [0.5, 0.5, 0.4])]),
     "cones": (2, lambda: [lsm.from_chain(s) for s in lsm.random_angular_shapes(3, 2)]),
 }
 
