@@ -62,6 +62,8 @@ _HOME = {
     "superellipsoid": "shapes",
     "regular_polyhedron": "shapes",
     "random_angular_polyhedra": "shapes",
+    "random_polyhedra": "shapes",
+    "laguerre_tiles": "shapes",
     "grain_diameters": "packing",
     "loose_packing": "packing",
     "random_rotations": "packing",

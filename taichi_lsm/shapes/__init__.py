@@ -4,13 +4,21 @@ from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
 from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
 from .grain import GrainShape, rescaled
+from .laguerre import laguerre_tiles, pave_volume
 from .library import random_angular_shapes, regular_polygon
 from .meshes import Misfit, from_mesh
 from .outlines import from_outline, outline_of_image
 from .ovals import ellipse, superellipse
 from .patch import ArcChain, disc, sphere
-from .paving import pave, pave_volume
-from .polyhedra import ellipsoid, from_planes, random_angular_polyhedra, regular_polyhedron, superellipsoid
+from .paving import pave
+from .polyhedra import (
+    ellipsoid,
+    from_planes,
+    random_angular_polyhedra,
+    random_polyhedra,
+    regular_polyhedron,
+    superellipsoid,
+)
 from .storage import load_shapes, save_shapes
 from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
 from .union import Union, cross, placed, union
@@ -41,6 +49,7 @@ __all__ = [
     "from_patches",
     "from_planes",
     "from_polygon",
+    "laguerre_tiles",
     "load_shapes",
     "outline_error",
     "outline_of_image",
@@ -49,6 +58,7 @@ __all__ = [
     "placed",
     "polygon_measures",
     "random_angular_polyhedra",
+    "random_polyhedra",
     "random_angular_shapes",
     "regular_disc_of_arcs",
     "regular_polygon",

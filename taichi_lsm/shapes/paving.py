@@ -1,14 +1,12 @@
-"""The generator of Abe & Mora (2003): an area or a volume split into tiles, one grain fitted to each."""
+"""The generator of Abe & Mora (2003): an area split into tiles, one grain fitted to each."""
 
 import numpy as np
 from scipy.optimize import linprog
-from scipy.spatial.transform import Rotation
 from shapely.geometry import Polygon
 
 from .arc_chain import from_polygon
 from .grain import rescaled
 from .patch import ArcChain
-from .polyhedra import placed_from_planes, voronoi_cells
 from .tiling import voronoi_tiles
 
 
@@ -28,25 +26,6 @@ def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
         places.append(_place(fitted, inset))
         diameters.append(diameter)
     return shapes, np.array(places), np.array(diameters)
-
-
-def pave_volume(count, length, seed, corner_radius, gap):
-    """Random grains that fill a periodic cube, one per Voronoi cell.
-
-    length [L]: side of the cube; corner_radius [L]: dilation of each grain; gap [L]: distance kept from the planes of
-    the cell. Returns (shapes of equivalent diameter 1, position (n, 3) [L], diameter (n,) [L], orientation (n, 4) as
-    unit quaternions w, x, y, z). Raises ValueError if a cell is too small for the corner radius.
-    """
-    shapes, places, diameters, turns = [], [], [], []
-    for k, (site, normals, distances) in enumerate(voronoi_cells(count, seed)):
-        room = length * distances - gap
-        shape, centre, frame = placed_from_planes(normals, room, corner_radius, name=f"tile {k}")
-        diameter = (6.0 * shape.measure / np.pi) ** (1.0 / 3.0)
-        shapes.append(shape.rescaled(1.0 / diameter))
-        places.append(length * site + centre)
-        diameters.append(diameter)
-        turns.append(Rotation.from_matrix(frame).as_quat(scalar_first=True))
-    return shapes, np.array(places), np.array(diameters), np.array(turns)
 
 
 def _place(shape: ArcChain, polygon) -> np.ndarray:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError, Voronoi
+from scipy.spatial.transform import Rotation
 
 from .ball_cells import spread
-from .ball_polyhedron import BallPolyhedron, placed_ball_polyhedron, tangent_ball_polyhedron
+from .ball_polyhedron import SLACK, BallPolyhedron, placed_ball_polyhedron, tangent_ball_polyhedron
 
 FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the body
 TILES_PER_BATCH = 64  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
 BARREN_BATCHES = 8  # batches without one acceptable tile after which the request counts as impossible
+TRIES = 20  # draws of one random grain
 CORNER_TOLERANCE = 1e-10  # of the equivalent diameter
 ON_PLANE = 1e-7  # of the size: the library that finds the corners merges planes that nearly meet in one
 LEAST_FACE = 1e-3  # of a tile's squared size: smaller faces are left to the rounding
@@ -144,21 +149,84 @@ def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedro
 
 def _with_corner(n: NDArray, h: NDArray, corner_radius: float, name: str) -> BallPolyhedron:
     """`from_planes` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE."""
+    room = _inscribed(n, h)[1]
+    return _meeting_corner(lambda asked: from_planes(n, h, asked, name=name), corner_radius, room)
+
+
+def _meeting_corner(fit: Callable[[float], BallPolyhedron], corner_radius: float, room: float) -> BallPolyhedron:
+    """The result of `fit` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE.
+
+    fit: makes a normalised shape from a dilation in the target's unit of length; room: the target's inscribed radius
+    in that unit. Raises ValueError if no dilation below it is the right one.
+    """
     if not 0 < corner_radius < 0.5:
         raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a sphere")
-    room = _inscribed(n, h)[1]
-    asked, last = corner_radius * 2.0 * room, (0.0, 0.0)
+    asked, before = corner_radius * 2.0 * room, (0.0, 0.0)
     for _ in range(12):  # a secant on the dilation that comes out over the one that was asked for
-        if not asked < room:
-            raise ValueError(f"corner_radius = {corner_radius}: too large for these planes")
-        shape = from_planes(n, h, asked, name=name)
+        if not 0 < asked < room:
+            break
+        shape = fit(asked)
         got = shape.dilation
         if abs(got - corner_radius) <= CORNER_TOLERANCE:
-            break
-        slope = (got - last[1]) / (asked - last[0])
-        last = (asked, got)
+            return shape
+        slope = (got - before[1]) / (asked - before[0])
+        before = (asked, got)
         asked += (corner_radius - got) / slope
-    return shape
+    raise ValueError(f"corner_radius = {corner_radius}: too large for the body")
+
+
+def random_polyhedra(
+    count: int,
+    seed: int,
+    corner_radius: float = 0.05,
+    faces: tuple[int, int] = (12, 20),
+    elongation: float = 1.0,
+    angularity: float = 1.0,
+) -> list[BallPolyhedron]:
+    """`count` irregular 3D grains that touch an ellipsoid all round, equivalent diameter 1.
+
+    faces: fewest and most faces, both included, drawn evenly. elongation: longest over shortest axis of the ellipsoid,
+    1 to 4; the middle axis is their geometric mean. angularity: share of the roundness that the faces give up to the
+    edges, 0 to 1; the curvature of a face is 1 - angularity times that of the roundest faces (SLACK times the least
+    ball that leaves the others their place), but never less than 1/FLATNESS sizes. corner_radius: dilation in units of
+    the grain's equivalent diameter, met to 1e-10. Directions are evenly spread, moved by a quarter of their distance
+    and turned at random. Deterministic in the seed, and the first n shapes are the same whatever the count.
+    Raises ValueError if a number is out of range or none of TRIES draws gives a grain.
+    """
+    if count < 0:
+        raise ValueError(f"count = {count}: must be >= 0")
+    if not 6 <= faces[0] <= faces[1]:
+        raise ValueError(f"faces = {faces}: must be (fewest, most) with 6 <= fewest <= most")
+    if not 1 <= elongation <= 4:
+        raise ValueError(f"elongation = {elongation}: must be from 1 to 4")
+    if not 0 <= angularity <= 1:
+        raise ValueError(f"angularity = {angularity}: must be from 0 to 1")
+    if not 0 < corner_radius < 0.5:
+        raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a sphere")
+    axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, 0.0, -1.0])
+    slack = SLACK / max(1.0 - angularity, 1e-6)
+
+    def grain(k: int) -> BallPolyhedron:
+        rng = np.random.default_rng([seed, k])
+        for _ in range(TRIES):
+            u = spread(int(rng.integers(faces[0], faces[1] + 1)))
+            u = u + 0.25 * np.sqrt(4.0 * np.pi / len(u)) * rng.uniform(-1.0, 1.0, u.shape)
+            u = u @ Rotation.random(rng=rng).as_matrix().T
+            u /= np.linalg.norm(u, axis=1, keepdims=True)
+            n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
+            make = partial(
+                tangent_ball_polyhedron, axes * u, n, slack=slack, largest_radius=FLATNESS, name=f"random {seed}-{k}"
+            )
+            try:
+                return _meeting_corner(make, corner_radius, axes[2])
+            except ValueError as failure:  # slivers: another draw
+                error = failure
+        raise ValueError(
+            f"faces = {faces}, elongation = {elongation}, angularity = {angularity}, corner_radius = {corner_radius}: "
+            f"no grain in {TRIES} draws ({error})"
+        )
+
+    return [grain(k) for k in range(count)]
 
 
 def random_angular_polyhedra(
