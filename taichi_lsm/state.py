@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from .errors import InputError
 from .runtime import current, ti, when_allocated
 from .schema import Variable
 
@@ -170,7 +171,9 @@ class Grains:
 
 
 def fill_rows(field, values):
-    """Write the first rows of a field; the others keep what they hold."""
+    """Write the first rows of a field; the others keep what they hold. Raises InputError if they do not fit."""
     raw = field.to_numpy()
+    if len(values) > len(raw):
+        raise InputError(f"shapes: {len(values)} rows of the shape table, there is room for {len(raw)}")
     raw[: len(values)] = values
     field.from_numpy(raw)

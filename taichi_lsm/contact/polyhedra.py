@@ -25,6 +25,7 @@ BOUND_ROWS = [
     Variable("offset", ("bound",), "real", "1", "offset of the bound"),
     Variable("beyond", ("bound",), "i32", "1", "feature of the normals beyond the bound"),
 ]
+SPARE = 1.2  # room for other shapes of the same kind that a simulation may load later
 WALK = 24  # features that a search visits before it tries all of them
 PAIR_WALK = 12  # pairs of features that are tried before the general descent
 DESCENT = 60  # iterations of the general descent, a few of which are the rule
@@ -40,8 +41,8 @@ class PolyhedronTable:
         bounds = max(1, sum(len(_features(p)["bound_offset"]) for p in parts))
         rows = {
             **vars(allocate(PART_ROWS, rounded_capacity(len(parts)), sizes)),
-            **vars(allocate(FEATURE_ROWS, rounded_capacity(features), sizes)),
-            **vars(allocate(BOUND_ROWS, rounded_capacity(bounds), sizes)),
+            **vars(allocate(FEATURE_ROWS, rounded_capacity(int(SPARE * features)), sizes)),
+            **vars(allocate(BOUND_ROWS, rounded_capacity(int(SPARE * bounds)), sizes)),
         }
         for name, field in rows.items():
             setattr(self, name, field)
