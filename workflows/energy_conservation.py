@@ -47,6 +47,7 @@ class Params(BaseParams):
     corner_radius: float = Field(0.08, gt=0, le=0.3, description="least patch radius [tiles]")
     gap: float = Field(0.02, gt=0, le=0.2, description="distance of a grain from the sides of its tile [tiles]")
     arcs_per_corner: int = Field(4, ge=1, description="patches per corner; about 30 per grain with 4 [1]")
+    chamfers: int = Field(11, ge=0, le=20, description="corners cut per tile, 3D; 20 faces per grain with 11 [1]")
     density: float = Field(2500.0, gt=0, description="density of the grains [kg m-3]")
     stiffness: float = Field(5e4, gt=0, description="normal stiffness k [N m-1]")
     speed: float = Field(1.0, gt=0, description="root mean square velocity at the start [m s-1]")
@@ -77,7 +78,7 @@ def build(params, grains, seed, steps_per_contact, scheme) -> "lsm.Scene":
     """One elastic gas; `steps_per_contact` fixes the step through the contact duration pi sqrt(m/(2k))."""
     p = params
     side = grains ** (1.0 / p.dim)
-    shapes, position, scale, turned = _paved(p.dim, grains, seed, p.corner_radius, p.gap, p.arcs_per_corner)
+    shapes, position, scale, turned = _paved(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
     if scheme in CONES:
         shapes = [lsm.from_chain(s, CONES[scheme] * p.missed_seam) for s in shapes]
     rng = np.random.default_rng(seed + 100)
@@ -105,12 +106,18 @@ def build(params, grains, seed, steps_per_contact, scheme) -> "lsm.Scene":
     return scene
 
 
+def _detail(params):
+    """What sets the number of patches: arcs per corner in 2D, cut corners per tile in 3D."""
+    return params.arcs_per_corner if params.dim == 2 else params.chamfers
+
+
 @functools.lru_cache(maxsize=64)
-def _paved(dim, grains, seed, corner_radius, gap, arcs_per_corner):
+def _paved(dim, grains, seed, corner_radius, gap, detail):
     """(shapes, positions, sizes, orientations by name) of one packing in tiles: fitted once, used at every step."""
     if dim == 2:
-        return *lsm.pave(grains, np.sqrt(grains), seed, corner_radius, gap, arcs_per_corner), {}
-    shapes, position, scale, orientation = lsm.pave_volume(grains, np.cbrt(grains), seed, corner_radius, gap)
+        return *lsm.pave(grains, np.sqrt(grains), seed, corner_radius, gap, detail), {}
+    paved = lsm.pave_volume(grains, np.cbrt(grains), seed, corner_radius, gap, chamfers=detail)
+    shapes, position, scale, orientation = paved
     return shapes, position, scale, {"orientation": orientation}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyvoro2
@@ -11,9 +11,10 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from .ball_polyhedron import BallPolyhedron
-from .polyhedra import placed_from_planes
+from .polyhedra import corners_of, inscribed_ball, placed_from_planes
 
 FITS = 8  # fits of one grain: each removes nearly all that the one before sticks out of its tile
+CHAMFER = 0.15  # depth of the cut of a corner, in its distance from the middle of the tile
 INSIDE = 1e-12  # of the tile's diameter: by how much rounding may let a grain pass a plane
 
 
@@ -129,11 +130,13 @@ def pave_volume(
     gap: float,
     relaxations: int = 3,
     radii: ArrayLike | None = None,
+    chamfers: int = 0,
 ) -> tuple[list[BallPolyhedron], NDArray, NDArray, NDArray]:
     """Random grains that fill a periodic cube, one for each tile of `laguerre_tiles`.
 
     length [L]: side of the cube; corner_radius [L]: dilation of each grain; gap >= 0 [L]: least distance of a grain
-    from the planes of its tile. Returns (shapes of equivalent diameter 1, position (n, 3) [L] of the centres of mass,
+    from the planes of its tile; chamfers >= 0: how many of a tile's sharpest corners are cut, which adds a face each
+    to the thirteen that tiles have on average. Returns (shapes of equivalent diameter 1, position (n, 3) [L] of the centres of mass,
     diameter (n,) [L], orientation (n, 4): unit quaternions w, x, y, z from the shape's frame to the cube's).
     Raises ValueError as `laguerre_tiles`, and if a tile is too small for the corner radius and the gap.
     """
@@ -141,13 +144,38 @@ def pave_volume(
         raise ValueError(f"gap = {gap}: must be finite and >= 0")
     shapes, places, diameters, turns = [], [], [], []
     for k, tile in enumerate(laguerre_tiles(count, length, seed, relaxations, radii)):
-        shape, centre, frame = grain_in_tile(tile, corner_radius, gap, f"tile {k}")
+        shape, centre, frame = grain_in_tile(without_corners(tile, chamfers), corner_radius, gap, f"tile {k}")
         diameter = float((6.0 * shape.measure / np.pi) ** (1.0 / 3.0))
         shapes.append(shape.rescaled(1.0 / diameter))
         places.append(centre)
         diameters.append(diameter)
         turns.append(Rotation.from_matrix(frame).as_quat(scalar_first=True))
     return shapes, np.array(places), np.array(diameters), np.array(turns)
+
+
+def without_corners(tile: Tile, count: int) -> Tile:
+    """The tile with `count` corners cut, each time the one that is farthest from the largest ball within it.
+
+    A cut is a plane across the line from the ball's centre to the corner, CHAMFER of that line below the corner. Its
+    neighbour is -1: there is no tile behind it. The volume stays that of the whole tile.
+    """
+    if count < 0:
+        raise ValueError(f"chamfers = {count}: must be >= 0")
+    for _ in range(count):
+        middle, _ = inscribed_ball(tile.normals, tile.distances)
+        ways = corners_of(tile.normals, tile.distances, middle) - middle
+        farthest = ways[np.argmax(np.linalg.norm(ways, axis=1))]
+        n = farthest / np.linalg.norm(farthest)
+        normals = np.vstack([tile.normals, n])
+        distances = np.append(tile.distances, n @ (middle + (1.0 - CHAMFER) * farthest))
+        tile = replace(
+            tile,
+            normals=normals,
+            distances=distances,
+            neighbours=np.append(tile.neighbours, -1),
+            vertices=tile.site + corners_of(normals, distances, middle),
+        )
+    return tile
 
 
 def grain_in_tile(

@@ -49,16 +49,16 @@ def placed_from_planes(
     n, h = np.array(normals, dtype=np.float64), np.array(distances, dtype=np.float64)
     if n.ndim != 2 or n.shape[1] != 3 or h.shape != n.shape[:1] or len(n) < 4:
         raise ValueError(f"normals and distances have shapes {n.shape}, {h.shape}: must be (n, 3), (n,), n >= 4")
-    middle, room = _inscribed(n, h)
+    middle, room = inscribed_ball(n, h)
     if not 0 < corner_radius < room:
         raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below the inscribed radius, {room:.6g}")
-    vertices = _corners(n, h - corner_radius, middle)
+    vertices = corners_of(n, h - corner_radius, middle)
     points, kept = _face_centres(vertices, n, h - corner_radius)
     radius = flatness * 2.0 * np.linalg.norm(points - points.mean(axis=0), axis=1).max()
     return placed_ball_polyhedron(points - radius * n[kept], np.full(len(kept), radius), corner_radius, name)
 
 
-def _inscribed(n: NDArray, h: NDArray) -> tuple[NDArray, float]:
+def inscribed_ball(n: NDArray, h: NDArray) -> tuple[NDArray, float]:
     """Centre (3,) and radius of the largest ball within the planes."""
     answer = linprog([0, 0, 0, -1], A_ub=np.column_stack([n, np.ones(len(n))]), b_ub=h, bounds=[(None, None)] * 4)
     if answer.status != 0:
@@ -66,7 +66,7 @@ def _inscribed(n: NDArray, h: NDArray) -> tuple[NDArray, float]:
     return answer.x[:3], float(answer.x[3])
 
 
-def _corners(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
+def corners_of(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
     """Vertices (m, 3) of the polyhedron n . x <= h, given a point inside."""
     try:
         return HalfspaceIntersection(np.column_stack([n, -h]), inside).intersections
@@ -149,7 +149,7 @@ def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedro
 
 def _with_corner(n: NDArray, h: NDArray, corner_radius: float, name: str) -> BallPolyhedron:
     """`from_planes` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE."""
-    room = _inscribed(n, h)[1]
+    room = inscribed_ball(n, h)[1]
     return _meeting_corner(lambda asked: from_planes(n, h, asked, name=name), corner_radius, room)
 
 
