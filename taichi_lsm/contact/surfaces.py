@@ -12,7 +12,7 @@ def kind_of(shapes):
     """sphere | chain | polyhedron | cones. Discs and spheres go with every kind. Raises InputError for a mixture."""
     first = {}
     for shape in shapes:
-        if shape.patch_count > 1:
+        if shape.patch_count > 1 or shape.kind == "cones":  # the cone of a single patch need not be all directions
             first.setdefault(shape.kind, shape.name)
     if len(first) > 1:
         raise InputError(f"Scene.shapes: surfaces of different kinds cannot meet, but there are {first}")

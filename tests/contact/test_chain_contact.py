@@ -111,7 +111,8 @@ def overlapping_pairs(rng, table):
 
 @pytest.fixture(scope="module")
 def table():
-    return [lsm.disc(), *lsm.random_angular_shapes(24, 5), lsm.regular_disc_of_arcs(8), lsm.regular_disc_of_arcs(30)]
+    cut = [lsm.regular_disc_of_arcs(arcs) for arcs in (8, 30, 120)]
+    return [lsm.disc(), *lsm.random_angular_shapes(24, 5), *cut]
 
 
 @pytest.fixture(scope="module")
@@ -163,12 +164,12 @@ def test_forces_torques_and_energy_of_the_contacts(pairs):
     assert sim.pairs.pair_torque.to_numpy()[:used, 0] == pytest.approx(moment, abs=1e-11 * STIFFNESS)
 
 
-@pytest.mark.parametrize("arcs", [8, 30])
+@pytest.mark.parametrize("arcs", [8, 30, 120])
 def test_disc_cut_into_arcs_has_the_contacts_of_the_disc(pairs, table, arcs):
     """Same places and angles as the random pairs, but every grain a disc of arcs, or one of each."""
     sim, probe, arguments, *_ = pairs
     rng = np.random.default_rng(arcs)
-    cut, scale = len(table) - (2 if arcs == 8 else 1), arguments["scale"].reshape(-1, 2)
+    cut, scale = len(table) - 3 + [8, 30, 120].index(arcs), arguments["scale"].reshape(-1, 2)
     kind = np.where(rng.random((PAIRS, 2)) < 0.7, cut, 0)
     depth = 10 ** rng.uniform(-6, -1, PAIRS)
     towards = unit(rng.integers(0, 60, PAIRS) * np.pi / 30 + rng.choice([0, 1e-9, 0.01], PAIRS))  # on seams too

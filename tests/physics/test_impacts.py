@@ -3,6 +3,9 @@
 A fixed sphere of 50 diameters stands for the wall: over the slip of one impact its surface is flat to 1e-4.
 """
 
+import functools
+import itertools
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -15,28 +18,49 @@ MU, E, V = 0.3, 0.8, 1.0
 STIFFNESS = 1e6
 pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="velocities to 1e-9 need f64")
 
-SHAPES = {"sphere": lsm.sphere, "1 face": lambda: lsm.ball_of_faces(1), "60 faces": lambda: lsm.ball_of_faces(60, 0.01)}
+FACES = (12, 60, 240)
+SHAPES = {"sphere": lsm.sphere, "1 face": lambda: lsm.ball_of_faces(1)}
+SHAPES |= {f"{n} faces": functools.partial(lsm.ball_of_faces, n, 0.01) for n in FACES}
+AIMS = ("face", "edge", "vertex")  # what of a polyhedron meets the wall; an edge's cone ends in the seams to its faces
 CASES = {  # name: (velocity, spin) of the grain that hits the wall from above
     "restitution": ((0.0, -V, 0.0), (0.0, 0.0, 0.0)),
     "oblique 68": (V * np.tan(np.radians(68)), -V),
     "oblique 75": (V * np.tan(np.radians(75)), -V),
     "spin": ((0.0, -V, 0.0), (0.0, 0.0, 12.0)),
 }
+STRAIGHT = [case for case in CASES if case != "spin"]  # an angular grain that spins meets the wall twice
 SLIDING = 3.5 * MU * (1 + E) * V  # change of the slip by a contact that slides to its end
+
+
+def aimed(shape, what, rng):
+    """Rotation that turns a random face, edge or vertex of the shape down; of an edge or vertex any normal it holds."""
+    if what == "sphere":
+        return Rotation.random(random_state=rng)
+    first = {"face": 0, "edge": shape.face_count, "vertex": shape.face_count + shape.edge_count}[what]
+    count = {"face": shape.face_count, "edge": shape.edge_count, "vertex": shape.vertex_count}[what]
+    n = rng.normal(size=(2000, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    feature = shape.feature_of(n)
+    held = n[(feature >= first) & (feature < first + count)]
+    turn, _ = Rotation.align_vectors([[0.0, -1.0, 0.0]], held[:1])
+    return Rotation.from_rotvec([0.0, rng.uniform(0, 2 * np.pi), 0.0]) * turn
 
 
 @pytest.fixture(scope="module")
 def outcome(runtime):
-    """(velocity (3,), spin (3,)) after the impact, by shape and case."""
+    """(velocity (3,), spin (3,)) after the impact, by shape, case and what was aimed at."""
     shapes = [make() for make in SHAPES.values()]
     rng = np.random.default_rng(2)
     x, scale, which, v, omega, turn, glued, keys = [], [], [], [], [], [], [], []
     for s, name in enumerate(SHAPES):
-        for case, (motion, spin) in CASES.items():
+        aims = AIMS if name.endswith("faces") else ("sphere",)
+        for case, aim in itertools.product(CASES if len(aims) == 1 else STRAIGHT, aims):
+            motion, spin = CASES[case]
             if case.startswith("oblique"):
                 motion, spin = (motion, spin, 0.0), (0.0, 0.0, 0.0)
-            q = Rotation.random(random_state=rng)
-            reach = 0.5 if name != "60 faces" else float(shapes[s].support(q.apply([[0, -1, 0]], inverse=True))[0])
+            q = aimed(shapes[s], aim, rng)
+            down = q.apply([[0, -1, 0]], inverse=True)
+            reach = float(shapes[s].support(down)[0]) if name.endswith("faces") else 0.5
             at = np.array([200.0 * len(keys), 0.0, 0.0])
             x += [at - (0.0, 0.5 * WALL, 0.0), at + (0.0, reach + 1e-3, 0.0)]
             scale += [WALL, 1.0]
@@ -45,7 +69,7 @@ def outcome(runtime):
             omega += [(0.0, 0.0, 0.0), spin]
             turn += [(1.0, 0.0, 0.0, 0.0), q.as_quat(scalar_first=True)]
             glued += [0, -1]
-            keys.append((name, case))
+            keys.append((name, case, aim) if name.endswith("faces") else (name, case))
     scene = scenes.scene(
         np.array(x),
         [lsm.LinearElastic(STIFFNESS), lsm.ViscousDamping(restitution=E), lsm.CoulombFriction(MU, 0.5 * STIFFNESS)],
@@ -99,7 +123,16 @@ def test_the_polyhedron_of_one_face_is_the_sphere(outcome):
             assert mine == pytest.approx(plain, abs=1e-9)
 
 
-def test_sixty_faces_are_nearly_a_sphere(outcome):
-    for case in ("restitution", "oblique 68", "oblique 75"):
-        v, plain = outcome["60 faces", case][0], outcome["sphere", case][0]
-        assert np.abs(v - plain).max() < 0.15 * np.linalg.norm(plain)
+@pytest.mark.parametrize("aim", AIMS)
+def test_with_more_faces_impacts_become_those_of_the_sphere(outcome, aim):
+    """What is left is the arm of the normal force, which falls with the width of a face: as faces**-0.5."""
+    error = []
+    for faces in FACES:
+        apart = [
+            np.linalg.norm(outcome[f"{faces} faces", case, aim][0] - outcome["sphere", case][0])
+            / np.linalg.norm(outcome["sphere", case][0])
+            for case in STRAIGHT
+        ]
+        error.append(max(apart))
+    assert error[0] > error[1] > error[2]
+    assert error[2] < 0.05
