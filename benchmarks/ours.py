@@ -1,8 +1,8 @@
 """Our code as a process of its own: Taichi is initialised once per process, so each configuration needs one.
 
-`Worker` starts `python -m benchmarks.ours`, which compiles, then waits for lines on its input: "run N"
-advances by N steps and answers with the seconds on the wall clock and on the processor; "measure" answers
-with the figures that LAMMPS gives too.
+`Worker` starts `python -m benchmarks.ours`, which compiles, says how many grains it has, then waits for lines on its
+input: "run N" advances by N steps and answers with the seconds on the wall clock and on the processor; "measure"
+answers with the figures that LAMMPS gives too.
 """
 
 import json
@@ -12,7 +12,6 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-HELLO = "ready"
 
 
 class Worker:
@@ -23,7 +22,7 @@ class Worker:
         self.process = subprocess.Popen(
             command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
-        self.ask(None)
+        self.grains = self.ask(None)["grains"]
 
     def ask(self, order):
         """Send an order and return the answer; RuntimeError if the process died."""
@@ -43,15 +42,15 @@ class Worker:
         self.process.wait()
 
 
-def figures(sim, state):
-    """What LAMMPS prints as well: contacts per mobile grain, pressure of the pairs, kinetic energies."""
+def figures(sim, volume):
+    """What LAMMPS prints as well: contacts per mobile grain, pressure of the pairs, kinetic energies. `volume` of the
+    scene: its product with the pressure is what is measured."""
     sums = sim.measure.sums(low=-1e9, high=1e9)
-    mobile = int((state.kind == 1).sum())
-    volume = float(state.box.prod())
+    mobile = int((sim.scene.platen < 0).sum())
     moving = 2.0 * sums["translational_energy"]  # in the trace of our stress; LAMMPS is asked for pairs only
     return {
         "contacts_per_grain": sums["contact_ends"] / mobile,
-        "pressure": (float(sums["stress"].trace()) - moving) / (state.dim * volume),
+        "pressure": (float(sums["stress"].trace()) - moving) / (sim.scene.dim * volume),
         "translational_energy": sums["translational_energy"],
         "rotational_energy": sums["rotational_energy"],
         "mass": float(sim.scene.masses()[0].sum()),
@@ -63,12 +62,12 @@ def serve(tag, precision, threads, extras):
     import taichi_lsm as lsm
     from benchmarks import scenes
 
-    state = scenes.load(tag)
     # one thread needs no parallel loops; with more the simulation chooses by the number of grains
-    scene = scenes.build(state, extras, parallel=False if threads == 1 else None)
+    scene, volume, steps = scenes.declared(tag, extras, parallel=False if threads == 1 else None)
     sim = lsm.Simulation(scene, precision=precision, threads=threads)
-    figures(sim, state)  # compiles the last kernels
-    print(json.dumps(HELLO), flush=True)
+    sim.run(steps)
+    figures(sim, volume)  # compiles the last kernels
+    print(json.dumps({"grains": len(sim)}), flush=True)
     for line in sys.stdin:
         order, *count = line.split()
         if order == "run":
@@ -76,7 +75,7 @@ def serve(tag, precision, threads, extras):
             sim.run(int(count[0]))
             answer = {"seconds": time.perf_counter() - began, "cpu_seconds": time.process_time() - cpu_began}
         else:
-            answer = figures(sim, state)
+            answer = figures(sim, volume)
         print(json.dumps(answer), flush=True)
 
 

@@ -23,6 +23,9 @@ DAMPING_RATE = 40.0
 WALL_SPEED = 0.2
 TIME_STEP = 5e-4
 SKIN = 0.1
+DILATION = 0.05  # of balls cut into faces [d]
+LAYER = {2: {"layer_thickness": 24.0, "length": 30.0}, 3: {"layer_thickness": 8.0, "length": 10.0, "width": 8.0}}
+PACKED_AFTER = 800.0  # inertial times: loose grains come together at a tenth of a diameter in each
 
 
 @dataclass(frozen=True)
@@ -54,19 +57,49 @@ def load(tag) -> State:
         return State(tag, file["x"], file["d"], file["kind"], file["box"])
 
 
-def build(state, extras=False, parallel=None) -> lsm.Scene:
+def declared(tag, extras=False, parallel=None):
+    """(scene, volume, steps to run before it is timed) of a tag: one of TAGS, "S2_1000/30" for its mobile grains cut
+    into 30 arcs or faces, or "layer2/angular" for a layer of such grains as `lsm shear-gouge` consolidates it."""
+    name, _, shape = tag.partition("/")
+    if name.startswith("layer"):
+        return _layer(int(name[-1]), shape)
+    state = load(name)
+    return build(state, extras, parallel, int(shape or 1)), float(state.box.prod()), 0
+
+
+def _layer(dim, shape):
+    """A small layer under stress, after the time in which it packs."""
+    from workflows import shear_gouge
+
+    params = shear_gouge.Params(dim=dim, shape=shape, **LAYER[dim])
+    scene = shear_gouge.build(params)
+    scene.parallel, scene.integrator, scene.ledger = False, lsm.VelocityVerlet, False
+    thickness, lengths = params.layer
+    steps = int(PACKED_AFTER * params.inertial_time / (scene.safety * scene.stable_dt()))
+    return scene, thickness * float(np.prod(lengths)), steps
+
+
+def build(state, extras=False, parallel=None, patches=1) -> lsm.Scene:
     """Our scene: plain velocity Verlet, as LAMMPS. parallel: see lsm.Scene.
 
+    patches: per mobile grain; the same outline cut into so many arcs (2D) or faces tangent to it (3D).
     extras: what LAMMPS does not do and we do by default: book dissipated energy, correct the onset of contacts.
     """
-    dim = state.dim
+    dim, count = state.dim, len(state.x)
     still = [lsm.Fixed()] * dim
+    shapes = [lsm.disc() if dim == 2 else lsm.sphere()]
+    turned = {}
+    if patches > 1:
+        rng = np.random.default_rng(0)
+        shapes.append(lsm.regular_disc_of_arcs(patches) if dim == 2 else lsm.ball_of_faces(patches, DILATION))
+        turned = {"angle" if dim == 2 else "orientation": lsm.random_rotations(rng, count, dim)}
     return lsm.Scene(
         dim=dim,
         lengths=tuple(state.box),
         periodic=(True, False, True)[:dim],
-        shapes=[lsm.disc() if dim == 2 else lsm.sphere()],
-        shape=np.zeros(len(state.x), int),
+        shapes=shapes,
+        shape=np.where(state.kind == MOBILE, len(shapes) - 1, 0),
+        **turned,
         position=state.x,
         scale=state.d,
         density=1.0,

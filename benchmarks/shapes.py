@@ -1,0 +1,70 @@
+"""What a shape costs: time per grain and step beside discs and spheres: `python -m benchmarks.shapes`.
+
+Grains of the declared scenes are cut into arcs (2D) or faces (3D), so that the contacts are those of the discs or
+spheres: only the search over patches is added. Each turn times every configuration over the same number of steps, one
+after the other and each in a process of its own, on one thread. Then a consolidated layer of angular grains is timed
+beside one of discs or spheres, per grain and per contact, for its grains have more contacts.
+"""
+
+import argparse
+from contextlib import ExitStack
+from statistics import median
+
+from benchmarks.ours import Worker
+
+CUT = {"S2_1000": (1, 10, 30, 100), "S3_1000": (1, 20, 100)}  # patches per grain; 1 is the disc or sphere
+GRAIN_STEPS = 4e5  # per timed turn
+WARM_UP = 200  # steps before the first turn
+LAYERS = {2: ("sphere", "angular"), 3: ("sphere", "angular")}  # shapes of the consolidated layers
+
+
+def rows_of(tags, turns):
+    """One row per configuration (tag, shape): name, median time [ns per grain and step], contacts per grain, all timed
+    in turn; the first one is what the others are compared with."""
+    with ExitStack() as stack:
+        workers = {tag: stack.enter_context(Worker(tag, "f64", 1, False)) for tag in tags}
+        grains = {tag: worker.grains for tag, worker in workers.items()}
+        taken = {tag: [] for tag in tags}
+        for worker in workers.values():
+            worker.ask(f"run {WARM_UP}")
+        for _ in range(turns):
+            for tag, worker in workers.items():
+                steps = max(1, int(GRAIN_STEPS / grains[tag]))
+                taken[tag].append(worker.ask(f"run {steps}")["seconds"] / (steps * grains[tag]) * 1e9)
+        contacts = {tag: worker.ask("measure")["contacts_per_grain"] for tag, worker in workers.items()}
+    return [{"tag": tag, "ns": median(taken[tag]), "contacts": contacts[tag]} for tag in tags]
+
+
+def table(groups):
+    """Markdown table of groups of rows; ratios to the first row of each group."""
+    lines = [
+        "| scene | ns per grain and step | contacts per grain | ratio per grain | ratio per contact |",
+        "|---|---|---|---|---|",
+    ]
+    for rows in groups:
+        one = rows[0]
+        for row in rows:
+            per_grain = row["ns"] / one["ns"]
+            per_contact = per_grain * one["contacts"] / row["contacts"]
+            lines.append(
+                f"| {row['tag']} | {row['ns']:.0f} | {row['contacts']:.2f} | {per_grain:.2f} | {per_contact:.2f} |"
+            )
+    return "\n".join(lines)
+
+
+def main():
+    """Time all shapes and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--turns", type=int, default=5, help="timed turns; medians are printed")
+    parser.add_argument("--dim", type=int, nargs="+", choices=(2, 3), default=(2, 3), help="dimensions")
+    args = parser.parse_args()
+    groups = []
+    for dim in args.dim:
+        tag, patches = next((t, n) for t, n in CUT.items() if t.startswith(f"S{dim}"))
+        groups.append(rows_of([tag if n == 1 else f"{tag}/{n}" for n in patches], args.turns))
+        groups.append(rows_of([f"layer{dim}/{shape}" for shape in LAYERS[dim]], args.turns))
+    print(table(groups))
+
+
+if __name__ == "__main__":
+    main()
