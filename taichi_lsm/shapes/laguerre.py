@@ -137,7 +137,8 @@ def pave_volume(
     length [L]: side of the cube; corner_radius [L]: dilation of each grain; gap >= 0 [L]: least distance of a grain
     from the planes of its tile; chamfers >= 0: how many of a tile's sharpest corners are cut, which adds a face each
     to the thirteen that tiles have on average. Returns (shapes of equivalent diameter 1, position (n, 3) [L] of the
-    centres of mass, diameter (n,) [L], orientation (n, 4): unit quaternions w, x, y, z from the shape's frame to the cube's).
+    centres of mass, diameter (n,) [L], orientation (n, 4): unit quaternions w, x, y, z from the shape's frame to the
+    cube's).
     Raises ValueError as `laguerre_tiles`, and if a tile is too small for the corner radius and the gap.
     """
     if not (np.isfinite(gap) and gap >= 0):

@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from taichi_lsm.shapes import laguerre, polyhedra
-from taichi_lsm.shapes.laguerre import Tile, grain_in_tile, laguerre_tiles, pave_volume
+from taichi_lsm.shapes.laguerre import Tile, grain_in_tile, laguerre_tiles, pave_volume, without_corners
 
 LENGTH = 3.0
 IMAGES = LENGTH * np.array(np.meshgrid(*[(-1, 0, 1)] * 3)).reshape(3, -1).T
@@ -154,3 +154,14 @@ def test_paving_refuses_what_does_not_fit():
         pave_volume(8, 2.0, 5, 0.9, 0.0)
     with pytest.raises(ValueError, match="gap = -0.1"):
         pave_volume(8, 2.0, 5, 0.05, -0.1)
+
+
+def test_cut_corners_add_faces_and_stay_inside(tiling):
+    (tile, *_), _ = tiling
+    cut = without_corners(tile, 3)
+    assert len(cut.normals) == len(tile.normals) + 3 and (cut.neighbours[-3:] == -1).all()
+    beyond = (cut.vertices - tile.site) @ cut.normals.T - cut.distances
+    assert beyond.max() < 1e-9 * LENGTH
+    assert np.linalg.norm(cut.vertices - tile.site, axis=1).max() < np.linalg.norm(tile.vertices - tile.site, axis=1).max()
+    with pytest.raises(ValueError, match="chamfers = -1"):
+        without_corners(tile, -1)
