@@ -15,7 +15,7 @@ from benchmarks.ours import Worker
 CUT = {"S2_1000": (1, 10, 30, 100), "S3_1000": (1, 20, 100)}  # patches per grain; 1 is the disc or sphere
 GRAIN_STEPS = 4e5  # per timed turn
 WARM_UP = 200  # steps before the first turn
-LAYERS = {2: ("sphere", "angular"), 3: ("sphere", "angular")}  # shapes of the consolidated layers
+LAYERS = ("sphere", "angular")  # shapes of the consolidated layers
 
 
 def rows_of(tags, turns):
@@ -62,7 +62,7 @@ def main():
     for dim in args.dim:
         tag, patches = next((t, n) for t, n in CUT.items() if t.startswith(f"S{dim}"))
         groups.append(rows_of([tag if n == 1 else f"{tag}/{n}" for n in patches], args.turns))
-        groups.append(rows_of([f"layer{dim}/{shape}" for shape in LAYERS[dim]], args.turns))
+        groups.append(rows_of([f"layer{dim}/{shape}" for shape in LAYERS], args.turns))
     print(table(groups))
 
 

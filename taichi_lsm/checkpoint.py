@@ -4,12 +4,12 @@ The file is plain NetCDF. A simulation is restored into one that was made from t
 the steps that follow give the same bits as if the run had not been interrupted.
 """
 
-import os
 from pathlib import Path
 
 import netCDF4
 import numpy as np
 
+from .atomic_file import write_atomically
 from .contact.broad import grown
 from .errors import InputError
 from .schema import Variable
@@ -38,21 +38,18 @@ DRIVE_ROW = Variable(
 
 def save_checkpoint(sim, path):
     """Write the state of `sim` to the NetCDF file `path`, which appears whole or not at all."""
-    path = Path(path)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with netCDF4.Dataset(unfinished, "w", format="NETCDF4") as file:
-            file.setncatts(_make_up(sim))
-            for name in COUNTERS:
-                file.setncattr(name, np.int64(getattr(sim, name)))
-            file.searches = np.int64(sim.search.searches)
-            file.dt = sim.dt
-            file.pair_capacity = np.int64(sim.pairs.capacity)
-            for group, rows, owner, count in _tables(sim):
-                _write(file.createGroup(group), rows, owner, count)
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+
+    def fill(file):
+        file.setncatts(_make_up(sim))
+        for name in COUNTERS:
+            file.setncattr(name, np.int64(getattr(sim, name)))
+        file.searches = np.int64(sim.search.searches)
+        file.dt = sim.dt
+        file.pair_capacity = np.int64(sim.pairs.capacity)
+        for group, rows, owner, count in _tables(sim):
+            _write(file.createGroup(group), rows, owner, count)
+
+    write_atomically(path, fill)
 
 
 def restore_checkpoint(sim, path):

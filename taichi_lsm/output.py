@@ -4,7 +4,6 @@ Conventions CF-1.11 and ACDD-1.3. Times are float64 elapsed seconds with units "
 date. Text labels are auxiliary coordinates such as `effect_name(effect)`.
 """
 
-import os
 import subprocess
 import time
 import uuid
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .atomic_file import write_atomically
 from .output_rows import (
     checked_array,
     netcdf_type,
@@ -30,29 +30,6 @@ REFERENCES = (
     "Abe and Mora (2003), Efficient implementation of complex particle shapes in the lattice solid model; "
     "Mair, Frye and Marone (2002), doi:10.1029/2001JB000516"
 )
-
-
-def write_atomically(path, fill):
-    """Write the NetCDF file `path` so that a reader sees the old file or the new one, never a part.
-
-    fill: called with an open, empty netCDF4.Dataset. If it raises, `path` is unchanged and nothing is left.
-    One process per path. Not reentrant: a signal handler must set a flag, not write.
-    """
-    import netCDF4
-
-    path = Path(path)
-    # One fixed name: what a killed process leaves is overwritten by the next write instead of piling up.
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        with netCDF4.Dataset(temporary, "w", format="NETCDF4") as dataset:
-            fill(dataset)
-        # Without this a power failure soon after the rename may leave an empty file under the final name.
-        with open(temporary, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 def utc_now():

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .output import RUN_STATUS, require_status, set_global_attributes, write_atomically
+from .atomic_file import write_atomically
+from .output import RUN_STATUS, require_status, set_global_attributes
 from .output_rows import (
     checked_array,
     netcdf_type,

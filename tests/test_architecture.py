@@ -18,7 +18,7 @@ MODULES = {
 }
 # Lower layers first; a module may import its own layer and those before it.
 LAYERS = [
-    {"errors", "paths", "schema", "runtime", "rotation"},
+    {"errors", "atomic_file", "paths", "schema", "runtime", "rotation"},
     {"domain", "shapes"},
     {"state", "packing"},
     {"effects", "contact"},

@@ -15,102 +15,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from taichi_lsm.output import RunWriter, file_attributes, git_commit, write_atomically, write_table
-from taichi_lsm.output_grains import GrainsWriter, snapshot_rows, static_rows
+from taichi_lsm.atomic_file import write_atomically
+from taichi_lsm.output import git_commit, write_table
+from taichi_lsm.output_grains import GrainsWriter, static_rows
 from taichi_lsm.schema import Variable
+from tests.output_files import LABELS, attributes, grains, grains_writer, run_row, run_writer, table, write_every_kind
 
 ROOT = Path(__file__).resolve().parents[1]
-RUN = [
-    Variable("shear_strain", ("time",), "f64", "1", "integral of shear rate over time"),
-    Variable("friction", ("time",), "f64", "1", "shear stress over normal stress"),
-    Variable("dissipated_energy", ("time", "effect"), "f64", "J", "energy dissipated so far"),
-    Variable("plate_velocity", ("time", "platen"), "real", "m s-1", "velocity of the platen along x"),
-    Variable("contact_count", ("time",), "i32", "1", "number of contacts"),
-    Variable("stage", ("time",), "i32", "1", "stage of the experiment"),
-]
-LABELS = {"effect": ["linear_elastic", "coulomb_friction"], "platen": ["lower", "upper"]}
-STAGE = {"stage": {"flag_values": [0, 1], "flag_meanings": ["settle", "shear"]}}
-
-
-def attributes():
-    return file_attributes("Sheared gouge", "Test of the files", 'title = "Grüße"\n', 7, 1e-8, "cpu", "f64")
-
-
-def run_writer(path, **options):
-    return RunWriter(path, RUN, attributes(), LABELS, auxiliary=("shear_strain",), extra_attributes=STAGE, **options)
-
-
-def run_row(i):
-    """Row number i; every value tells i, so that a mixed-up file shows."""
-    return {
-        "time": 0.5 * i,
-        "shear_strain": 0.01 * i,
-        "friction": i + 0.25,
-        "dissipated_energy": [i, 2 * i],
-        "plate_velocity": np.array([-i, i]),
-        "contact_count": 10 * i,
-        "stage": i % 2,
-    }
-
-
-def grains(dim, count=5):
-    """Constants and one snapshot of grains of two shapes, with one and three patches."""
-    rng = np.random.default_rng(dim)
-    spin = (count,) if dim == 2 else (count, dim)
-    static = {
-        "mass": rng.random(count),
-        "inertia": rng.random(spin),
-        "bounding_radius": rng.random(count),
-        "kind": np.array([0, 0, 1, 0, 1]),
-        "shape_index": [0, 1, 1, 0, 1],
-        "shape_scale": rng.random(count),
-        "patch_count": [1, 3],
-        "patch_centre": rng.random((4, dim)),
-        "patch_radius": rng.random(4),
-        "patch_axis": rng.random((4, dim)),
-        "patch_angle": rng.random(4),
-    }
-    snapshot = {
-        "position": rng.random((count, dim)),
-        "velocity": rng.random((count, dim)),
-        "angular_velocity": rng.random(spin),
-        "orientation": rng.random((count, 4)),
-    }
-    return static, snapshot
-
-
-def grains_writer(path, static, dim):
-    return GrainsWriter(path, static, static_rows(dim), snapshot_rows(dim), attributes())
-
-
-def table(path, **changes):
-    rows = [
-        Variable("seed", ("run",), "i32", "1", "random seed"),
-        Variable("friction_mean", ("run",), "f64", "1", "mean friction"),
-    ]
-    columns = {
-        "seed": [1, 2],
-        "shape": ["sphere", "angular"],
-        "friction_mean": [0.3, 0.45],
-        "status": ["a", "b"],
-    }
-    text = {"shape": "grain shape", "status": "outcome of the run"}
-    write_table(path, {**columns, **changes}, rows, attributes(), ("seed", "shape"), text)
-
-
-def write_every_kind(folder):
-    """One file of every kind, with rows; returns the paths."""
-    writer = run_writer(folder / "run.nc")
-    for i in range(3):
-        writer.append(run_row(i))
-    writer.close("complete")
-    for dim in (2, 3):
-        static, snapshot = grains(dim)
-        writer = grains_writer(folder / f"grains{dim}.nc", static, dim)
-        writer.append(0.0, snapshot)
-        writer.close("complete")
-    table(folder / "compare.nc")
-    return sorted(folder.glob("*.nc"))
 
 
 def test_run_round_trip(tmp_path):
@@ -276,13 +187,13 @@ def test_file_is_there_from_the_start_and_flushes_in_time(tmp_path, monkeypatch)
 
 WRITE_FOREVER = """
 import sys
-sys.path[:0] = [{root!r}, {tests!r}]
+sys.path.insert(0, {root!r})
 from pathlib import Path
-import test_output
-writer = test_output.run_writer(Path(sys.argv[1]))
+from tests.output_files import run_row, run_writer
+writer = run_writer(Path(sys.argv[1]))
 i = 0
 while True:
-    writer.append(test_output.run_row(i))
+    writer.append(run_row(i))
     writer.flush()
     i += 1
 """
@@ -302,7 +213,7 @@ def check_rows(path):
 def test_kill_at_any_instant_leaves_a_readable_file(tmp_path):
     """Ten writers are killed in the middle of their work while a reader opens their files again and again."""
     rng = random.Random(3)
-    code = WRITE_FOREVER.format(root=str(ROOT), tests=str(ROOT / "tests"))
+    code = WRITE_FOREVER.format(root=str(ROOT))
     for attempt in range(10):
         path = tmp_path / f"run{attempt}.nc"
         process = subprocess.Popen([sys.executable, "-c", code, str(path)], stderr=subprocess.PIPE)
@@ -323,98 +234,6 @@ def test_kill_at_any_instant_leaves_a_readable_file(tmp_path):
         # What the killed process left does not disturb the next writer.
         run_writer(path).close("failed")
         assert not [name for name in os.listdir(tmp_path) if name.endswith(".part")]
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"friction": None}, "missing friction"),
-        ({"frictoin": 0.1}, "unknown frictoin"),
-        ({"dissipated_energy": [1.0]}, "dissipated_energy: shape"),
-        ({"contact_count": 1.5}, "contact_count: values of type float64"),
-        ({"contact_count": 2**40}, "contact_count: .* 32 bits"),
-        ({"friction": "high"}, "friction: values of type"),
-        ({"time": 0.5}, "time: 0.5 s"),
-        ({"time": np.nan}, "time: nan s"),
-    ],
-)
-def test_wrong_row_is_refused_and_leaves_no_trace(tmp_path, change, message):
-    writer = run_writer(tmp_path / "run.nc")
-    writer.append(run_row(1))
-    row = {**run_row(2), **change}
-    if change == {"friction": None}:
-        del row["friction"]
-    with pytest.raises(ValueError, match=message):
-        writer.append(row)
-    writer.append(run_row(2))
-    writer.close("complete")
-    with xr.open_dataset(tmp_path / "run.nc") as ds:
-        assert ds.contact_count.values.tolist() == [10, 20] and ds.friction.values.tolist() == [1.25, 2.25]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"coordinates": {"effect": ["a"]}}, "plate_velocity: dimension 'platen'"),
-        ({"auxiliary": ("strain",)}, "auxiliary: strain unknown"),
-        ({"extra_attributes": {"stages": {}}}, "extra_attributes: stages unknown"),
-        ({"variables": [*RUN, RUN[0]]}, "declared twice: shear_strain"),
-        ({"variables": [Variable("mass", ("grain",), "f64", "kg", "mass")]}, "mass: dims"),
-    ],
-)
-def test_wrong_declaration_is_refused(tmp_path, options, message):
-    options = {"variables": RUN, "coordinates": LABELS, **options}
-    with pytest.raises(ValueError, match=message):
-        RunWriter(tmp_path / "run.nc", attributes=attributes(), **options)
-    assert not os.listdir(tmp_path)
-
-
-def test_closed_writer_refuses_rows(tmp_path):
-    writer = run_writer(tmp_path / "run.nc")
-    with pytest.raises(ValueError, match="run_status 'done'"):
-        writer.close("done")
-    writer.close("failed")
-    with pytest.raises(ValueError, match=r"closed \(failed\)"):
-        writer.append(run_row(0))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"patch_count": [1, 2]}, "patch_count: adds up to 3"),
-        ({"shape_index": [0, 1, 2, 0, 1]}, "shape_index: 0..2"),
-        ({"mass": np.ones(4)}, "inertia: shape|mass: shape"),
-        ({"colour": 1}, "unknown colour"),
-    ],
-)
-def test_wrong_constants_are_refused(tmp_path, change, message):
-    static, _ = grains(2)
-    with pytest.raises(ValueError, match=message):
-        grains_writer(tmp_path / "g.nc", {**static, **change}, 2)
-    assert not os.listdir(tmp_path)
-
-
-def test_wrong_snapshot_is_refused(tmp_path):
-    static, snapshot = grains(3)
-    writer = grains_writer(tmp_path / "g.nc", static, 3)
-    with pytest.raises(ValueError, match="missing velocity"):
-        writer.append(0.0, {k: v for k, v in snapshot.items() if k != "velocity"})
-    with pytest.raises(ValueError, match="position: shape"):
-        writer.append(0.0, {**snapshot, "position": np.ones((5, 2))})
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"friction_mean": [0.1]}, "friction_mean: shape"),
-        ({"shape": ["sphere", 2]}, "shape: 2 texts expected"),
-        ({"mu": [1, 2]}, "unknown mu"),
-    ],
-)
-def test_wrong_table_is_refused(tmp_path, change, message):
-    with pytest.raises(ValueError, match=message):
-        table(tmp_path / "compare.nc", **change)
-    assert not os.listdir(tmp_path)
 
 
 def test_git_commit_is_that_of_the_package(tmp_path):

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows import plots, shear_gouge, signals
 from workflows.replicas import run_replicas
+from workflows.run_table import write_runs
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
 
@@ -156,19 +157,18 @@ def collect(runs, params, out, run_status):
     text = (
         f"One row per run of shear-gouge, {params.replicas} seeds for each shape, otherwise under the same conditions."
     )
-    attributes = lsm.file_attributes(
-        title, text, to_toml(params), params.seed, min(steps, default=np.nan), params.arch, params.precision
-    )
-    lsm.write_table(
+    return write_runs(
         out / "compare.nc",
-        {name: [row[name] for row in rows] for name in rows[0]},
+        rows,
         [SEED, *COLUMNS],
-        attributes,
+        params,
+        min(steps, default=np.nan),
+        title,
+        text,
         parameters=("shape", "seed"),
         text=TEXTS,
         run_status=run_status,
     )
-    return lsm.open_run(out / "compare.nc")
 
 
 def estimates(table):

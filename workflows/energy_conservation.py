@@ -17,6 +17,7 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows.energy_figure import plot_energy
+from workflows.run_table import attributes_of, write_runs
 from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
@@ -34,7 +35,10 @@ SCHEMES = {  # by name: importing a workflow must not start Taichi
     "symplectic_euler": "SymplecticEuler",
     "explicit_euler": "ExplicitEuler",
 }
-
+ORDERS = {  # names of the figures, by scheme: the order is measured in 2D
+    2: {"velocity_verlet": "order", "onset_verlet": "order_onset", "symplectic_euler": "order_euler"},
+    3: {},
+}
 CONES = {"cones": 0.0, "cones_that_miss_seams": 1.0}  # general patches with the default integrator, in missed seams
 
 
@@ -227,15 +231,7 @@ def analyse(rows, dim=2):
             figures[f"{name}_{per_contact}"] = Figure(value, "1", bound, holds)
     long = values("onset_verlet", "long", 50, "shadow_drift")[0]
     figures["shadow_drift_long"] = Figure(long, "1", 1e-4, long <= 1e-4)
-    for scheme, name in (
-        ()
-        if dim == 3
-        else (
-            ("velocity_verlet", "order"),
-            ("onset_verlet", "order_onset"),
-            ("symplectic_euler", "order_euler"),
-        )
-    ):
+    for scheme, name in ORDERS[dim].items():
         level = [root_mean_square(values(scheme, "order", n)) for n in LEVELS]
         slope = -np.polyfit(np.log(LEVELS), np.log(level), 1)[0]
         claimed = (2.0, abs(slope - 2.0) <= 0.25) if scheme == "velocity_verlet" else (None, None)
@@ -262,16 +258,8 @@ def run(params, out, progress=None):
     began = time.perf_counter()
     rows, series = measure(params, progress)
     dt = float(np.diff(series["onset_verlet"]["time"][:2])[0]) / max(1, params.steps // params.samples)
-    attributes = lsm.file_attributes(
-        "Energy of an elastic gas of random grains",
-        "Verification test of Abe & Mora (2003) for several integrators.",
-        to_toml(params),
-        params.seed,
-        dt,
-        params.arch,
-        params.precision,
-    )
-    lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes)
+    title = "Energy of an elastic gas of random grains"
+    summary = "Verification test of Abe & Mora (2003) for several integrators."
     numbers = [
         lsm.Variable("grains", ("run",), "i32", "1", "number of grains"),
         lsm.Variable("seed", ("run",), "i32", "1", "seed of packing and velocities"),
@@ -280,12 +268,20 @@ def run(params, out, progress=None):
         lsm.Variable("drift", ("run",), "f64", "1", "greatest relative deviation of the energy"),
         lsm.Variable("shadow_drift", ("run",), "f64", "1", "greatest relative deviation of the shadow energy"),
     ]
-    columns = {name: [r[name] for r in rows] for name in rows[0]}
-    parameters = ("scheme", "purpose", "grains", "seed", "steps", "steps_per_contact")
-    text = {"scheme": "time integration", "purpose": "what the run is for"}
-    lsm.write_table(out / "drift.nc", columns, numbers, attributes, parameters, text)
+    table = write_runs(
+        out / "drift.nc",
+        rows,
+        numbers,
+        params,
+        dt,
+        title,
+        summary,
+        parameters=("scheme", "purpose", "grains", "seed", "steps", "steps_per_contact"),
+        text={"scheme": "time integration", "purpose": "what the run is for"},
+    )
+    lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes_of(params, dt, title, summary))
     figures = analyse(rows, params.dim)
     plot_energy(out / "energy.png", rows, series, SEED_DRIFT)
     figures["seconds"] = Figure(time.perf_counter() - began, "s")
     write_summary(out, "energy-conservation", params.preset_name, figures, quiet=progress is None)
-    return lsm.open_run(out / "drift.nc")
+    return table

@@ -5,6 +5,7 @@ not. Rounded polygons are stood for by chains of arcs and by clumps of equal dis
 and sheared in the same layer.
 """
 
+import json
 import multiprocessing
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -16,6 +17,7 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
+from workflows.run_table import write_runs
 from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
@@ -69,9 +71,9 @@ def polygons(params):
 
 
 def patch_shape(vertices, elements, corner_radius):
-    """The polygon as a chain of `elements` arcs, and where its centre lies (2,); not rescaled."""
+    """The polygon as a chain of `elements` arcs; not rescaled."""
     per_corner = elements // SIDES - 1
-    fitted = lsm.from_polygon(
+    return lsm.from_polygon(
         vertices,
         corner_radius,
         np.radians(WIDTH / (per_corner + 1)),
@@ -80,7 +82,6 @@ def patch_shape(vertices, elements, corner_radius):
         normalise=False,
         name=f"{elements} patches",
     )
-    return fitted
 
 
 def deviation(outline, body):
@@ -142,8 +143,7 @@ def shear(params, kind, elements, out):
 
 
 def _rate(out):
-    import json
-
+    """Grains times steps per second of the run in the folder `out`."""
     return json.loads((Path(out) / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
 
 
@@ -174,9 +174,9 @@ def analyse(rows):
 
     figures = {}
     at = COUNTS.index(30)
-    for kind, label in (("patches", "patches"), ("clump", "clump")):
-        figures[f"shape_error_{label}_30"] = Figure(float(column(kind, "shape_error")[at]), "1")
-        figures[f"roughness_{label}_30"] = Figure(float(column(kind, "roughness")[at]), "1")
+    for kind in ("patches", "clump"):
+        figures[f"shape_error_{kind}_30"] = Figure(float(column(kind, "shape_error")[at]), "1")
+        figures[f"roughness_{kind}_30"] = Figure(float(column(kind, "roughness")[at]), "1")
     elements = np.array(COUNTS, float)
     slope, offset = np.polyfit(np.log(elements), np.log(column("clump", "shape_error")), 1)
     needed = float(np.exp((np.log(figures["shape_error_patches_30"].value) - offset) / slope))
@@ -201,19 +201,22 @@ def run(params, out, progress=None):
     began = time.perf_counter()
     rows = measure(params, out, progress)
     dt = min(lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc"))
-    title = "Grains of patches and clumps of discs at the same outline"
-    attributes = lsm.file_attributes(
-        title, "Shape error, friction and cost.", to_toml(params), params.seed, dt, params.arch, params.precision
-    )
-    columns = {name: [r[name] for r in rows] for name in rows[0]}
-    lsm.write_table(
-        out / "roughness.nc", columns, COLUMNS, attributes, ("kind", "elements"), {"kind": "patches or clump"}
+    table = write_runs(
+        out / "roughness.nc",
+        rows,
+        COLUMNS,
+        params,
+        dt,
+        "Grains of patches and clumps of discs at the same outline",
+        "Shape error, friction and cost.",
+        parameters=("kind", "elements"),
+        text={"kind": "patches or clump"},
     )
     figures = analyse(rows)
     plot(out / "roughness.png", rows, params)
     figures["seconds"] = Figure(time.perf_counter() - began, "s")
     write_summary(out, "shape-roughness", params.preset_name, figures, quiet=progress is None)
-    return lsm.open_run(out / "roughness.nc")
+    return table
 
 
 def plot(path, rows, params):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
+from ..atomic_file import write_atomically
 from .ball_polyhedron import BallPolyhedron
 from .cone_patches import PatchGrain
 from .grain import GrainShape
@@ -23,29 +23,24 @@ def save_shapes(path, shapes) -> None:
 
     Lengths are in units of the shape's own scale, angles in rad. Raises ValueError for anything that is no shape.
     """
-    import netCDF4
-
-    path = Path(path)
     unknown = [s for s in shapes if type(s).__name__ not in CLASSES]
     if unknown:
         raise ValueError(f"shapes: {unknown[0]!r} is not one of {', '.join(CLASSES)}")
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with netCDF4.Dataset(unfinished, "w", format="NETCDF4") as file:
-            file.setncatts(
-                {
-                    "title": "Grain shapes",
-                    "Conventions": "CF-1.11, ACDD-1.3",
-                    "summary": "One group per shape; lengths in units of the scale of the shape, body frame.",
-                    "source": "taichi_lsm",
-                    "shapes": np.int64(len(shapes)),
-                }
-            )
-            for k, shape in enumerate(shapes):
-                _write(file.createGroup(f"shape_{k}"), shape)
-        os.replace(unfinished, path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+
+    def fill(file):
+        file.setncatts(
+            {
+                "title": "Grain shapes",
+                "Conventions": "CF-1.11, ACDD-1.3",
+                "summary": "One group per shape; lengths in units of the scale of the shape, body frame.",
+                "source": "taichi_lsm",
+                "shapes": np.int64(len(shapes)),
+            }
+        )
+        for k, shape in enumerate(shapes):
+            _write(file.createGroup(f"shape_{k}"), shape)
+
+    write_atomically(path, fill)
 
 
 def _write(group, shape: GrainShape) -> None:
