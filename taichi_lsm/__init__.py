@@ -62,6 +62,7 @@ _HOME = {
     "superellipsoid": "shapes",
     "regular_polyhedron": "shapes",
     "random_angular_polyhedra": "shapes",
+    "random_polygons": "shapes",
     "random_polyhedra": "shapes",
     "laguerre_tiles": "shapes",
     "grain_diameters": "packing",

@@ -19,6 +19,7 @@ from .polyhedra import (
     regular_polyhedron,
     superellipsoid,
 )
+from .random_polygons import random_polygons
 from .storage import load_shapes, save_shapes
 from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
 from .union import Union, cross, placed, union
@@ -58,6 +59,7 @@ __all__ = [
     "placed",
     "polygon_measures",
     "random_angular_polyhedra",
+    "random_polygons",
     "random_polyhedra",
     "random_angular_shapes",
     "regular_disc_of_arcs",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -13,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from .ball_cells import spread
 from .ball_polyhedron import SLACK, BallPolyhedron, placed_ball_polyhedron, tangent_ball_polyhedron
+from .corner_radius import meeting_corner
 
 FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the body
 TILES_PER_BATCH = 64  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
 BARREN_BATCHES = 8  # batches without one acceptable tile after which the request counts as impossible
 TRIES = 20  # draws of one random grain
-CORNER_TOLERANCE = 1e-10  # of the equivalent diameter
 ON_PLANE = 1e-7  # of the size: the library that finds the corners merges planes that nearly meet in one
 LEAST_FACE = 1e-3  # of a tile's squared size: smaller faces are left to the rounding
 
@@ -150,29 +149,7 @@ def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedro
 def _with_corner(n: NDArray, h: NDArray, corner_radius: float, name: str) -> BallPolyhedron:
     """`from_planes` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE."""
     room = inscribed_ball(n, h)[1]
-    return _meeting_corner(lambda asked: from_planes(n, h, asked, name=name), corner_radius, room)
-
-
-def _meeting_corner(fit: Callable[[float], BallPolyhedron], corner_radius: float, room: float) -> BallPolyhedron:
-    """The result of `fit` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE.
-
-    fit: makes a normalised shape from a dilation in the target's unit of length; room: the target's inscribed radius
-    in that unit. Raises ValueError if no dilation below it is the right one.
-    """
-    if not 0 < corner_radius < 0.5:
-        raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a sphere")
-    asked, before = corner_radius * 2.0 * room, (0.0, 0.0)
-    for _ in range(12):  # a secant on the dilation that comes out over the one that was asked for
-        if not 0 < asked < room:
-            break
-        shape = fit(asked)
-        got = shape.dilation
-        if abs(got - corner_radius) <= CORNER_TOLERANCE:
-            return shape
-        slope = (got - before[1]) / (asked - before[0])
-        before = (asked, got)
-        asked += (corner_radius - got) / slope
-    raise ValueError(f"corner_radius = {corner_radius}: too large for the body")
+    return meeting_corner(lambda asked: from_planes(n, h, asked, name=name), corner_radius, room)
 
 
 def random_polyhedra(
@@ -218,7 +195,7 @@ def random_polyhedra(
                 tangent_ball_polyhedron, axes * u, n, slack=slack, largest_radius=FLATNESS, name=f"random {seed}-{k}"
             )
             try:
-                return _meeting_corner(make, corner_radius, axes[2])
+                return meeting_corner(make, corner_radius, axes[2])
             except ValueError as failure:  # slivers: another draw
                 error = failure
         raise ValueError(

@@ -13,6 +13,7 @@ LIBRARY = {
     2: lambda: [
         lsm.disc(),
         *lsm.random_angular_shapes(3, 1),
+        *lsm.random_polygons(2, 1, angularity=0.5),
         lsm.regular_polygon(5),
         lsm.regular_disc_of_arcs(30),
         lsm.ellipse(2.0),
