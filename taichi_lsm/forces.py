@@ -83,6 +83,23 @@ class ContactForces:
         return depth, n, arm_k, arm_l
 
     @ti.func
+    def met(self, c, k, l, s, d, was):
+        """As `overlap`, of the pair that `near_pairs` noted at place c; a depth beyond the cap is reported."""
+        g = self.grains
+        depth = ti.cast(-1.0, self.real)
+        n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
+        if ti.static(self.shaped):
+            depth, n, arm_k, arm_l = self.overlap(k, l, s, d, was)
+        else:
+            n = ti.Vector([self.pairs.gap[c][axis] for axis in range(self.dim)], self.real)
+            depth = self.pairs.gap[c][self.dim]
+            arm_k = (g.radius[k] - 0.5 * depth) * n
+            arm_l = arm_k - d
+            if depth >= g.radius[k] + g.radius[l]:
+                self.faults.report(1, g.id[k], g.id[l])
+        return depth, n, arm_k, arm_l
+
+    @ti.func
     def parts_of(self, k, l, s):
         """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
         g = self.grains
@@ -247,7 +264,9 @@ class ContactForces:
         """Write the row's slots whose bounding spheres meet, or that have a past, to `pairs.near`, from the start of
         the row on; returns the end. No branch depends on a distance: many of them would be mispredicted.
 
-        Shaped grains that were a gap apart are left out until their surfaces have travelled so far that they may touch.
+        The geometry of spheres is kept in `pairs.gap`: done here for all pairs, one does not wait for the laws of the
+        one before, and the processor works on several roots and divisions at once. Shaped grains that were a gap apart
+        are left out until their surfaces have travelled so far that they may touch.
         """
         g, pairs = self.grains, self.pairs
         end = pairs.row_start[k]
@@ -255,6 +274,12 @@ class ContactForces:
             l = pairs.partner[s]
             d = self.shortest(k, l)
             meet = d.dot(d) < (g.radius[k] + g.radius[l]) ** 2
+            if ti.static(not self.shaped):
+                depth, n, _ = sphere_overlap(d, g.radius[k], g.radius[l])
+                meet = depth > 0.0
+                for axis in ti.static(range(self.dim)):
+                    pairs.gap[end][axis] = n[axis]
+                pairs.gap[end][self.dim] = depth
             if ti.static(self.several):
                 code = pairs.part_code[s]
                 meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < 0.0
@@ -281,7 +306,7 @@ class ContactForces:
             d = self.shortest(k, l)
             was = pairs.status[s]
             before, last_n = self.remembered(s)
-            depth, n, arm_k, arm_l = self.overlap(k, l, s, d, was)
+            depth, n, arm_k, arm_l = self.met(c, k, l, s, d, was)
             if depth > 0.0 or was != 0:
                 contact = self.contact_of(k, l, depth, n, arm_k, arm_l, dt)
                 for law in ti.static(self.laws):

@@ -1,95 +1,14 @@
-"""Which grains are near each other: a sparse grid of cells and the neighbour list built from it."""
+"""Which grains are near each other: the neighbour list, built from a sparse grid of cells."""
 
 import numpy as np
 
 from ..errors import SimulationError
 from ..runtime import current, ti, when_allocated
+from .cells import SparseGrid
 from .pairs import PART_BASE, Pairs
 
-# Cells per axis of the sparse grid: two pointer levels over dense blocks, all powers of two (a struct-for over
-# other extents skips cells). On open axes the index wraps round at the extent: far cells then share a bucket,
-# which costs candidates but loses none, because every candidate's distance is tested.
-LEVELS = {2: (64, 16, 8), 3: (16, 16, 4)}
 SORT_INTERVAL = 20  # rebuilds between two re-sortings of the grains along the cells
-
-
-_heads: dict = {}
-
-
-def sparse_heads(dim):
-    """(head, top) of the process's only sparse grid of this dimension: first grain of each cell, and its tree.
-
-    All simulations share it, because each fills it anew before it searches. Taichi cannot give a sparse tree back,
-    and keeps its allocators in a table of 1024 nodes: trees declared late would be written beyond its end.
-    """
-    for each in (2, 3) if not _heads else ():
-        axes = ti.ij if each == 2 else ti.ijk
-        top, middle, block = LEVELS[each]
-        head = ti.field(ti.i32)  # slot + 1, 0 in an empty cell
-        tree = ti.root.pointer(axes, top)
-        tree.pointer(axes, middle).dense(axes, block).place(head)
-        _heads[each] = (head, tree)
-    return _heads[dim]
-
-
-@ti.data_oriented
-class SparseGrid:
-    """Linked lists of grains per cell; only occupied blocks hold memory, so an empty domain costs nothing."""
-
-    def __init__(self, domain, grain_capacity):
-        self.domain = domain
-        self.dim = domain.dim
-        self.extent = int(np.prod(LEVELS[self.dim]))
-        self.head, self.top = sparse_heads(self.dim)
-        self.next = ti.field(ti.i32, grain_capacity)
-        self.cells = ti.field(ti.i32, self.dim)
-        self.inverse_width = ti.field(ti.f64, self.dim)
-
-    def set_width(self, reach):
-        """Choose cells at least `reach` [m] wide: pairs closer than that are then in adjacent cells."""
-        cells = np.full(self.dim, self.extent)
-        inverse = np.full(self.dim, 1.0 / reach)
-        for axis in range(self.dim):
-            if self.domain.periodic[axis]:
-                length = self.domain.length[axis]
-                cells[axis] = min(max(1, int(length / reach)), self.extent)
-                inverse[axis] = cells[axis] / length
-        self.cells.from_numpy(cells.astype(np.int32))
-        self.inverse_width.from_numpy(inverse)
-
-    @ti.func
-    def cell_of(self, x):
-        """Cell index of position x [m]."""
-        cell = ti.Vector([0] * self.dim)
-        for axis in ti.static(range(self.dim)):
-            raw = ti.cast(ti.floor(x[axis] * self.inverse_width[axis]), ti.i32)
-            cell[axis] = self.wrapped(raw, axis)
-        return cell
-
-    @ti.func
-    def wrapped(self, index, axis: ti.template()):
-        """Cell index brought back into the grid."""
-        result = index & (self.extent - 1)
-        if ti.static(self.domain.periodic[axis]):
-            n = self.cells[axis]
-            result = index % n
-            if result < 0:
-                result += n
-        return result
-
-    @ti.kernel
-    def insert(self, position: ti.template(), count: ti.template()):
-        ti.loop_config(serialize=True)
-        for s in range(count[None]):
-            k = count[None] - 1 - s  # backwards, so that each cell lists its grains in rising slots
-            cell = self.cell_of(position[k])
-            self.next[k] = self.head[cell]
-            self.head[cell] = k + 1
-
-    def fill(self, position, count):
-        """Sort all grains into the cells."""
-        self.top.deactivate_all()
-        self.insert(position, count)
+ROOM = 16  # partners that are noted while they are counted; longer rows are searched twice
 
 
 @ti.data_oriented
@@ -105,6 +24,8 @@ class NeighbourSearch:
         self.skin = ti.field(ti.f64, ())
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
+        self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
+        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0])
         self.trouble = ti.field(ti.i32, 2)  # 1 + id of a grain at a position that is no number; of a crushed platen
         self.searches = 0
         when_allocated(lambda: self.set_skin(skin))
@@ -115,55 +36,68 @@ class NeighbourSearch:
         self.grid.set_width(2.0 * float(self.grains.column("radius").max()) + skin)
 
     @ti.func
-    def near(self, k, l):
-        """Does the pair belong on the list? Grains glued to platens do not touch each other."""
+    def listed(self, k, l):
+        """1 if the pair belongs in the row of grain k, else 0, without a branch that depends on a distance.
+
+        Rows hold partners of higher id. Grains glued to platens do not touch each other.
+        """
         g = self.grains
         d = self.domain.displacement(g.position[k], g.position[l])
         reach = ti.cast(g.radius[k] + g.radius[l], ti.f64)
-        listed = 0
-        if d.dot(d) < (reach + self.skin[None]) ** 2:
-            if g.platen[k] < 0 or g.platen[l] < 0:
-                listed = 1
-            elif g.platen[k] != g.platen[l] and d.dot(d) < reach * reach:
-                self.trouble[1] = g.id[k] + 1
-        return listed
+        near = ti.cast(d.dot(d) < (reach + self.skin[None]) ** 2, ti.i32) & ti.cast(g.id[l] > g.id[k], ti.i32)
+        if g.platen[k] >= 0:
+            if near == 1 and g.platen[l] >= 0:
+                near = 0
+                if g.platen[k] != g.platen[l] and d.dot(d) < reach * reach:
+                    self.trouble[1] = g.id[k] + 1
+        return near
+
+    @ti.func
+    def search(self, k):
+        """Note the partners of grain k in `found`, as many as there is room for; returns how many there are."""
+        count = 0
+        c = self.grid.number[k]
+        for i in range(self.grid.lists[c]):
+            l = self.grid.around[c * self.grid.places + i]
+            while l > 0:
+                self.found[k * ROOM + ti.min(count, ROOM - 1)] = l - 1
+                count += self.listed(k, l - 1)
+                l = self.grid.next[l - 1]
+        return count
 
     @ti.func
     def visit(self, k, s, p: ti.template(), fill: ti.template()):
-        """Count the partners of grain k with a higher id, or write them from list slot s of p on, sorted by id."""
+        """Count the pairs in the row of grain k, or write them from list slot s of p on, sorted by id."""
+        pairs = 0
+        if self.found_count[k] < ROOM:  # the last place is overwritten by grains that are not near
+            for i in range(self.found_count[k]):
+                pairs += self.add(k, self.found[k * ROOM + i], s, pairs, p, fill)
+        else:
+            c = self.grid.number[k]
+            for i in range(self.grid.lists[c]):
+                l = self.grid.around[c * self.grid.places + i]
+                while l > 0:
+                    if self.listed(k, l - 1):
+                        pairs += self.add(k, l - 1, s, pairs, p, fill)
+                    l = self.grid.next[l - 1]
+        return pairs
+
+    @ti.func
+    def add(self, k, l, s, found, p: ti.template(), fill: ti.template()):
+        """Number of pairs that grain l adds to the row of grain k, which begins at s and holds `found` pairs."""
         g = self.grains
-        found = 0
-        home = self.grid.cell_of(g.position[k])
-        for offset in range(ti.static(3**self.dim)):
-            cell = home
-            skip = 0
-            code = offset
-            for axis in ti.static(range(self.dim)):
-                step = code % 3 - 1
-                code = code // 3
-                # with two cells along a periodic axis the left neighbour is the right one, with one it is home
-                if step != 0 and self.grid.cells[axis] <= 1 or step < 0 and self.grid.cells[axis] == 2:
-                    skip = 1
-                cell[axis] = self.grid.wrapped(cell[axis] + step, axis)
-            l = 0
-            if skip == 0:
-                l = self.grid.head[cell]
-            while l > 0:
-                if g.id[l - 1] > g.id[k]:
-                    if self.near(k, l - 1):
-                        if ti.static(self.several):
-                            for a in range(self.parts.count[g.shape[k]]):
-                                for b in range(self.parts.count[g.shape[l - 1]]):
-                                    if self.near_parts(k, l - 1, a, b):
-                                        if ti.static(fill):
-                                            self.insert(s, found, k, l - 1, a * PART_BASE + b, p)
-                                        found += 1
-                        else:
-                            if ti.static(fill):
-                                self.insert(s, found, k, l - 1, 0, p)
-                            found += 1
-                l = self.grid.next[l - 1]
-        return found
+        more = 1
+        if ti.static(self.several):
+            more = 0
+            for a in range(self.parts.count[g.shape[k]]):
+                for b in range(self.parts.count[g.shape[l]]):
+                    if self.near_parts(k, l, a, b):
+                        if ti.static(fill):
+                            self.insert(s, found + more, k, l, a * PART_BASE + b, p)
+                        more += 1
+        elif ti.static(fill):
+            self.insert(s, found, k, l, 0, p)
+        return more
 
     @ti.func
     def near_parts(self, k, l, a, b):
@@ -193,7 +127,8 @@ class NeighbourSearch:
         for k in range(self.grains.count[None]):
             if ti.math.isnan(self.grains.position[k].sum()):
                 self.trouble[0] = self.grains.id[k] + 1
-            self.row_count[k] = self.visit(k, 0, 0, False)
+            self.found_count[k] = self.search(k)
+            self.row_count[k] = self.visit(k, 0, 0, False) if ti.static(self.several) else self.found_count[k]
 
     @ti.kernel
     def total(self) -> ti.i32:

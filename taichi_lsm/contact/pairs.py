@@ -33,6 +33,9 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
         if rotates:
             long_name = "angular impulse on the second grain"
             rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
+    if kind == "sphere":
+        long_name = "normal [1] and depth [m] of the near pairs of the row, from its start on"
+        rows.append(Variable("gap", ("contact", "gap"), "real", "1", long_name))
     if shaped:
         rows.append(Variable("feature", ("contact", "two"), "i32", "1", "features that face each other", True))
         long_name = "sum of both grains' travel up to which they cannot touch"
@@ -59,7 +62,7 @@ class Pairs:
         self.several = several
         self.remembers_feature = kind in ("chain", "polyhedron")
         self.remembers_normal = kind == "polyhedron"
-        self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2}
+        self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2, "gap": dim + 1}
         self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)

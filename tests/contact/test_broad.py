@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.contact.broad import SORT_INTERVAL, NeighbourList, NeighbourSearch, grown, morton_code
+from taichi_lsm.contact.broad import ROOM, SORT_INTERVAL, NeighbourList, NeighbourSearch, grown, morton_code
 from taichi_lsm.contact.pairs import Pairs
 from taichi_lsm.domain import Domain
 from taichi_lsm.state import Grains, grain_variables
@@ -66,7 +66,7 @@ def finders(runtime):
     return {2: Finder(2, (True, False)), 3: Finder(3, (True, False, True))}
 
 
-CELLS = {"two cells": 2.1, "three cells": 3.3, "many cells": 20.0}
+CELLS = {"two cells": 2.1, "three cells": 3.3, "many cells": 20.0, "crowded": 3.3}
 
 
 def placed(rng, dim, case):
@@ -78,6 +78,8 @@ def placed(rng, dim, case):
     length = reach * CELLS.get(case, 6.5)
     extent = np.full(dim, length)
     extent[1] = max(1.0, 1.2 * COUNT / length ** (dim - 1))
+    if case == "crowded":
+        extent[1] *= 0.2
     position = rng.uniform(0, 1, (COUNT, dim)) * extent
     if case == "unwrapped":  # positions are never wrapped: grains may be many lengths away
         position[:, 0] += length * rng.integers(-5, 5, COUNT)
@@ -103,6 +105,8 @@ def test_list_holds_every_near_pair_once_in_order(finders, dim, case):
         starts = finder.pairs.row_start.to_numpy()[: COUNT + 1]
         for a, b in zip(starts[:-1], starts[1:]):
             assert np.all(np.diff(listed[a:b, 1]) > 0)
+        if case == "crowded":  # rows that were not noted whole while they were counted
+            assert np.diff(starts).max() > ROOM
 
 
 @pytest.mark.parametrize("dim", [2, 3])
