@@ -96,22 +96,28 @@ def deck(state, data, skip, steps):
     )
 
 
-def parse(text, dim):
-    """Seconds of the timed loop (wall clock, processor) and the figures at its end, from the output of `lmp`.
-
-    Raises ValueError if the output is incomplete.
-    """
+def clocks_and_figures(text):
+    """({seconds, cpu_seconds}, last row) of the output of a deck of three runs, of which the second is timed and the
+    third prints a table that begins with `Step c_zz`. ValueError if it is incomplete."""
     loops = re.findall(r"^Loop time of (\S+) on", text, re.MULTILINE)
     shares = re.findall(r"^(\S+)% CPU use with", text, re.MULTILINE)
     tables = re.findall(r"^\s*Step +c_zz.*\n((?: *[-\d].*\n)+)", text, re.MULTILINE)
     if len(loops) != 3 or len(shares) != 3 or not tables:
         raise ValueError(f"LAMMPS did not finish:\n{text[-2000:]}")
-    _, contacts, pressure, moving, spinning, mass = map(float, tables[-1].splitlines()[-1].split())
+    seconds = float(loops[1])
+    clocks = {"seconds": seconds, "cpu_seconds": seconds * float(shares[1]) / 100}  # of one process
+    return clocks, [float(word) for word in tables[-1].splitlines()[-1].split()]
+
+
+def parse(text, dim):
+    """Seconds of the timed loop (wall clock, processor) and the figures at its end, from the output of `lmp`.
+
+    Raises ValueError if the output is incomplete.
+    """
+    clocks, (_, contacts, pressure, moving, spinning, mass) = clocks_and_figures(text)
     if dim == 2:
         spinning *= 0.5 / 0.4  # `erotate/sphere` takes the inertia of a sphere, the integrator that of a disc
-    return {
-        "seconds": float(loops[1]),
-        "cpu_seconds": float(loops[1]) * float(shares[1]) / 100,  # of one process
+    return clocks | {
         "contacts_per_grain": contacts,
         "pressure": pressure,
         "translational_energy": moving,
@@ -132,15 +138,25 @@ def install():
     subprocess.run(["apt-get", "install", "--yes", "--no-install-recommends", "lammps"], check=True)
 
 
-def run(state, processes, skip, steps):
-    """Run LAMMPS on `processes` MPI processes from the stored state; see `parse`."""
+def execute(data, deck, processes, also=()):
+    """Run a deck on `processes` MPI processes; returns what it printed, then the text of each file named in `also`.
+
+    data: text of `grains.data`, which the deck reads.
+    """
     program = [find() or "lmp", "-in", "in.deck", "-log", "none"]
     if processes > 1:
         program = ["mpirun", "--oversubscribe", "-np", str(processes), *program]
     root = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
     with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "grains.data").write_text(data_file(state), encoding="ascii")
-        Path(folder, "in.deck").write_text(deck(state, "grains.data", skip, steps), encoding="ascii")
+        Path(folder, "grains.data").write_text(data, encoding="ascii")
+        Path(folder, "in.deck").write_text(deck, encoding="ascii")
         environment = os.environ | root | {"OMP_NUM_THREADS": "1"}
         done = subprocess.run(program, cwd=folder, capture_output=True, text=True, env=environment)
-    return parse(done.stdout, state.dim)
+        made = [Path(folder, name) for name in also]
+        return [done.stdout, *(path.read_text(encoding="ascii") if path.exists() else "" for path in made)]
+
+
+def run(state, processes, skip, steps):
+    """Run LAMMPS on `processes` MPI processes from the stored state; see `parse`."""
+    (printed,) = execute(data_file(state), deck(state, "grains.data", skip, steps), processes)
+    return parse(printed, state.dim)

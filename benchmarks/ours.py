@@ -9,6 +9,7 @@ import json
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -60,13 +61,19 @@ def figures(sim, volume):
 def serve(tag, precision, threads, extras):
     """Answer orders from standard input until it closes."""
     import taichi_lsm as lsm
-    from benchmarks import scenes
+    from benchmarks import clumps, scenes
 
-    # one thread needs no parallel loops; with more the simulation chooses by the number of grains
-    scene, volume, steps = scenes.declared(tag, extras, parallel=False if threads == 1 else None)
+    parallel = False if threads == 1 else None  # with more than one the simulation chooses by the number of grains
+    if tag in clumps.TAGS:
+        state, steps = clumps.load(tag), 0
+        scene = clumps.build(state, clumps.relaxed(tag), extras, parallel)
+        measure = partial(clumps.figures, clumps=state)
+    else:
+        scene, volume, steps = scenes.declared(tag, extras, parallel)
+        measure = partial(figures, volume=volume)
     sim = lsm.Simulation(scene, precision=precision, threads=threads)
     sim.run(steps)
-    figures(sim, volume)  # compiles the last kernels
+    measure(sim)  # compiles the last kernels
     print(json.dumps({"grains": len(sim)}), flush=True)
     for line in sys.stdin:
         order, *count = line.split()
@@ -75,7 +82,7 @@ def serve(tag, precision, threads, extras):
             sim.run(int(count[0]))
             answer = {"seconds": time.perf_counter() - began, "cpu_seconds": time.process_time() - cpu_began}
         else:
-            answer = figures(sim, volume)
+            answer = measure(sim)
         print(json.dumps(answer), flush=True)
 
 
