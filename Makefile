@@ -11,7 +11,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c constraints.txt
 DEMO_OUT := out/demo
 
-.PHONY: setup demo test validate bench lint clean
+.PHONY: setup demo test validate bench bench-full lint clean
 
 setup: .venv/.installed
 
@@ -25,7 +25,10 @@ validate: .venv/.installed-dev
 	$(BIN)/python -m pytest -m validate
 
 bench: .venv/.installed
-	$(BIN)/python -m benchmarks.run
+	$(BIN)/python -m benchmarks.all --install-lammps
+
+bench-full: .venv/.installed
+	$(BIN)/python -m benchmarks.all --full --install-lammps
 
 lint: .venv/.installed-dev
 	$(BIN)/python -m ruff check .

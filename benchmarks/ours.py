@@ -1,8 +1,9 @@
 """Our code as a process of its own: Taichi is initialised once per process, so each configuration needs one.
 
 `Worker` starts `python -m benchmarks.ours`, which compiles, says how many grains it has, then waits for lines on its
-input: "run N" advances by N steps and answers with the seconds on the wall clock and on the processor; "measure"
-answers with the figures that LAMMPS gives too.
+input: "run N" advances by N steps and answers with the seconds on the wall clock and on the processor; "rebuild N"
+searches for neighbours N times and answers with the seconds of each; "memory" answers with the bytes resident now and
+at their peak; "measure" answers with the figures that LAMMPS gives too.
 """
 
 import json
@@ -58,6 +59,20 @@ def figures(sim, volume):
     }
 
 
+def timed_rebuild(sim):
+    """Seconds of one neighbour search."""
+    began = time.perf_counter()
+    sim._rebuild()
+    return time.perf_counter() - began
+
+
+def memory():
+    """{"resident": bytes of this process in memory now, "peak": the most there were}, from Linux' /proc."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+    kilobytes = dict(line.split(":", 1) for line in lines)
+    return {name: int(kilobytes[key].split()[0]) * 1024 for name, key in (("resident", "VmRSS"), ("peak", "VmHWM"))}
+
+
 def serve(tag, precision, threads, extras):
     """Answer orders from standard input until it closes."""
     import taichi_lsm as lsm
@@ -78,9 +93,14 @@ def serve(tag, precision, threads, extras):
     for line in sys.stdin:
         order, *count = line.split()
         if order == "run":
-            began, cpu_began = time.perf_counter(), time.process_time()
+            before, began, cpu_began = sim.rebuilds, time.perf_counter(), time.process_time()
             sim.run(int(count[0]))
             answer = {"seconds": time.perf_counter() - began, "cpu_seconds": time.process_time() - cpu_began}
+            answer["rebuilds"] = sim.rebuilds - before
+        elif order == "rebuild":
+            answer = {"seconds": [timed_rebuild(sim) for _ in range(int(count[0]))]}
+        elif order == "memory":
+            answer = memory()
         else:
             answer = measure(sim)
         print(json.dumps(answer), flush=True)

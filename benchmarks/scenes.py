@@ -14,6 +14,15 @@ import taichi_lsm as lsm
 
 STATES = Path(__file__).parent / "states"
 TAGS = ("S2_1000", "S2_10000", "S3_1000", "S3_10000")
+LARGE = {  # the stored state that is repeated, and how often along x (2D) or along x and z (3D)
+    "S2_100000": ("S2_10000", (10,)),
+    "S2_1000000": ("S2_10000", (100,)),
+    "S3_2000": ("S3_1000", (2, 1)),
+    "S3_50000": ("S3_10000", (5, 1)),
+    "S3_100000": ("S3_10000", (5, 2)),
+    "S3_1000000": ("S3_10000", (10, 10)),
+}
+NUDGE = 1e-6  # of repeated grains [d]: a force of a thousandth of that of a mean contact
 MOBILE, BOTTOM, TOP = 1, 2, 3  # values of State.kind
 
 NORMAL_STIFFNESS = 1e4
@@ -50,21 +59,47 @@ class State:
 
 
 def load(tag) -> State:
-    """The stored state of a scene; ValueError for an unknown tag."""
+    """The state of a scene, stored or repeated; ValueError for an unknown tag."""
+    if tag in LARGE:
+        stored, copies = LARGE[tag]
+        return tiled(tag, load(stored), copies)
     if tag not in TAGS:
-        raise ValueError(f"scene {tag!r}: must be one of {', '.join(TAGS)}")
+        raise ValueError(f"scene {tag!r}: must be one of {', '.join((*TAGS, *LARGE))}")
     with np.load(STATES / f"{tag}.npz") as file:
         return State(tag, file["x"], file["d"], file["kind"], file["box"])
 
 
+def tiled(tag, state, copies) -> State:
+    """The state repeated `copies` times along each of its periodic axes: (along x,) in 2D, (along x, along z) in 3D.
+
+    Mobile grains are moved by up to NUDGE, always the same way, or all copies would move alike and a contact would
+    change in all of them at the same step.
+    """
+    axes = (0, 2)[: len(copies)]
+    shifts = np.zeros((int(np.prod(copies)), state.dim))
+    shifts[:, axes] = np.stack(np.unravel_index(np.arange(len(shifts)), copies), axis=1) * state.box[list(axes)]
+    x = (shifts[:, None] + state.x).reshape(-1, state.dim)
+    kind = np.tile(state.kind, len(shifts))
+    nudge = np.random.default_rng(0).uniform(-NUDGE, NUDGE, x.shape)
+    box = state.box.copy()
+    box[list(axes)] *= copies
+    x[kind == MOBILE] += nudge[kind == MOBILE]
+    x[:, axes] %= box[list(axes)]
+    return State(tag, x, np.tile(state.d, len(shifts)), kind, box)
+
+
 def declared(tag, extras=False, parallel=None):
-    """(scene, volume, steps to run before it is timed) of a tag: one of TAGS, "S2_1000/30" for its mobile grains cut
-    into 30 arcs or faces, or "layer2/angular" for a layer of such grains as `lsm shear-gouge` consolidates it."""
-    name, _, shape = tag.partition("/")
+    """(scene, volume, steps to run before it is timed) of a tag: one of TAGS or LARGE; "S2_1000/30" for its mobile
+    grains cut into 30 arcs or faces; "S3_10000@100" for a domain 100 times as long along each axis, empty but for the
+    same grains; or "layer2/angular" for a layer of such grains as `lsm shear-gouge` consolidates it."""
+    name, _, longer = tag.partition("@")
+    name, _, shape = name.partition("/")
     if name.startswith("layer"):
         return _layer(int(name[-1]), shape)
     state = load(name)
-    return build(state, extras, parallel, int(shape or 1)), float(state.box.prod()), 0
+    scene = build(state, extras, parallel, int(shape or 1))
+    scene.lengths = tuple(length * float(longer or 1) for length in scene.lengths)
+    return scene, float(state.box.prod()), 0
 
 
 def _layer(dim, shape):

@@ -1,9 +1,10 @@
-"""What a shape costs: time per grain and step beside discs and spheres: `python -m benchmarks.shapes`.
+"""What a shape costs: time per grain and step beside discs and spheres: `python -m benchmarks.shapes [--full]`.
 
 Grains of the declared scenes are cut into arcs (2D) or faces (3D), so that the contacts are those of the discs or
 spheres: only the search over patches is added. Each turn times every configuration over the same number of steps, one
-after the other and each in a process of its own, on one thread. Then a consolidated layer of angular grains is timed
-beside one of discs or spheres, per grain and per contact, for its grains have more contacts.
+after the other and each in a process of its own, on one thread. With --full, grains are cut into up to 300 arcs and
+100 faces, and a consolidated layer of angular grains is timed beside one of discs or spheres, per grain and per
+contact, for its grains have more contacts.
 """
 
 import argparse
@@ -12,7 +13,8 @@ from statistics import median
 
 from benchmarks.ours import Worker
 
-CUT = {"S2_1000": (1, 10, 30, 100), "S3_1000": (1, 20, 100)}  # patches per grain; 1 is the disc or sphere
+CUT = {"S2_1000": (1, 10, 30, 100), "S3_1000": (1, 20)}  # patches per grain; 1 is the disc or sphere
+CUT_FULL = {"S2_1000": (1, 10, 30, 100, 300), "S3_1000": (1, 20, 100)}
 GRAIN_STEPS = 4e5  # per timed turn
 WARM_UP = 200  # steps before the first turn
 LAYERS = ("sphere", "angular")  # shapes of the consolidated layers
@@ -52,18 +54,26 @@ def table(groups):
     return "\n".join(lines)
 
 
+def measure(full, turns, dims=(2, 3)):
+    """Groups of rows of `rows_of`, for `table`: cut discs and spheres; with `full` more patches, and packed layers."""
+    groups = []
+    for tag, patches in (CUT_FULL if full else CUT).items():
+        dim = int(tag[1])
+        if dim in dims:
+            groups.append(rows_of([tag if n == 1 else f"{tag}/{n}" for n in patches], turns))
+            if full:
+                groups.append(rows_of([f"layer{dim}/{shape}" for shape in LAYERS], turns))
+    return groups
+
+
 def main():
     """Time all shapes and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=5, help="timed turns; medians are printed")
     parser.add_argument("--dim", type=int, nargs="+", choices=(2, 3), default=(2, 3), help="dimensions")
+    parser.add_argument("--full", action="store_true", help="up to 300 arcs and 100 faces, and packed layers")
     args = parser.parse_args()
-    groups = []
-    for dim in args.dim:
-        tag, patches = next((t, n) for t, n in CUT.items() if t.startswith(f"S{dim}"))
-        groups.append(rows_of([tag if n == 1 else f"{tag}/{n}" for n in patches], args.turns))
-        groups.append(rows_of([f"layer{dim}/{shape}" for shape in LAYERS], args.turns))
-    print(table(groups))
+    print(table(measure(args.full, args.turns, args.dim)))
 
 
 if __name__ == "__main__":

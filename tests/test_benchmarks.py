@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from benchmarks import lammps, page, run, scenes
+from benchmarks import bounds, lammps, ours, output_cost, page, run, scenes, sizes
 
 
 @pytest.fixture(params=scenes.TAGS)
@@ -48,6 +48,69 @@ def test_scene_holds_the_state(state):
 def test_unknown_scene_is_named():
     with pytest.raises(ValueError, match="S9_1.*S2_1000"):
         scenes.load("S9_1")
+
+
+@pytest.mark.parametrize("tag", ["S2_100000", "S3_2000", "S3_100000"])
+def test_repeated_states_are_periodic_and_complete(tag):
+    stored, copies = scenes.LARGE[tag]
+    one, many = scenes.load(stored), scenes.load(tag)
+    count = int(np.prod(copies))
+    assert len(many.x) == len(many.d) == len(many.kind) == count * len(one.x) == int(tag.split("_")[1])
+    axes = [0, 2][: len(copies)]
+    assert many.box[1] == one.box[1] and (many.box[axes] == one.box[axes] * copies).all()
+    assert (many.x >= 0).all() and (many.x <= many.box).all()
+    assert many.mass.sum() == pytest.approx(count * one.mass.sum(), rel=1e-12)
+    glued = many.kind != scenes.MOBILE
+    images = np.tile(one.x, (count, 1))
+    apart = many.x - images
+    apart[:, axes] -= np.round(apart[:, axes] / one.box[axes]) * one.box[axes]
+    assert np.abs(apart).max() <= 1.01 * scenes.NUDGE and np.abs(apart[glued]).max() < 1e-12
+    assert (np.abs(apart[~glued]).max(axis=1) > 0).mean() > 0.99
+    cells = np.floor((many.x[:, axes] + 1e-9) / one.box[axes]).astype(int) % copies
+    assert len(np.unique(np.column_stack([cells, np.arange(len(images)) % len(one.x)]), axis=0)) > 0.999 * len(images)
+
+
+def test_a_domain_may_be_longer():
+    scene, volume, steps = scenes.declared("S3_1000@100")
+    state = scenes.load("S3_1000")
+    assert scene.lengths == tuple(100 * state.box) and (scene.position == state.x).all()
+    assert volume == state.box.prod() and steps == 0
+    cut, _, _ = scenes.declared("S2_1000/30")
+    assert cut.lengths == tuple(scenes.load("S2_1000").box) and cut.shapes[1].patch_count == 30
+
+
+def test_bounds_are_printed_beside_values():
+    figures = {"a": bounds.figure(2.0, "s", 2.0), "b": bounds.figure(2.1, "s", 2.0)}
+    assert figures["a"]["holds"] and not figures["b"]["holds"]
+    assert bounds.table(figures).splitlines()[2:] == ["| a | 2 | s | 2 | yes |", "| b | 2.1 | s | 2 | NO |"]
+
+
+def test_growth_is_relative_to_ten_thousand():
+    rows = {f"S3_{n}": {"grains": n, "ours_ns": t} for n, t in ((1000, 90.0), (10_000, 100.0), (1_000_000, 300.0))}
+    assert sizes.growth_figures(rows) == {"growth_S3_1000000": bounds.figure(3.0, "1", sizes.GROWTH)}
+    rows = {tag: row | {"lammps_ns": None, "steps_per_rebuild": 50.0} for tag, row in rows.items()}
+    assert "| S3_1000 | 1000 | 90 | - | - | 50 |" in sizes.table(rows)
+
+
+def test_memory_is_read_from_the_system():
+    now = ours.memory()
+    assert 1e7 < now["resident"] <= now["peak"] < 1e11
+
+
+def test_only_the_outermost_call_is_timed():
+    class Layer:
+        def outer(self):
+            return self.inner() + 1
+
+        def inner(self):
+            return 1
+
+    watch = output_cost.Stopwatch()
+    watch.watch(Layer, "outer")
+    watch.watch(Layer, "inner")
+    assert Layer().outer() == 2 and watch.calls == 1
+    Layer().inner()
+    assert watch.calls == 2 and watch.seconds >= watch.first >= 0.0
 
 
 def test_data_file_holds_the_same_numbers(state):

@@ -1,0 +1,89 @@
+"""All benchmarks: `python -m benchmarks.all` (`make bench`) and `--full` (`make bench-full`).
+
+Writes benchmarks/results.json after every part, prints Markdown tables, and puts each of them between its markers of a
+page (see `page`). The core takes at most 20 minutes on two cores; the rest, in 32 bits, with a million grains and
+with many patches, an hour or more.
+"""
+
+import argparse
+import time
+
+from benchmarks import bounds, empty, output_cost, page, run, scenes, shapes, sizes, start
+from benchmarks.ours import ROOT
+
+TURNS = 3  # of every part
+LARGE = ("S2_100000", "S3_100000")
+
+
+def compare(full):
+    """Beside LAMMPS: (results, blocks of the page)."""
+    results = {}
+    for tag in (*run.TAGS, *(LARGE if full else ())):
+        for threads in run.threads_here():
+            results |= run.measure_scene(
+                tag, threads, ["f64", "f32"] if full and tag in scenes.TAGS else ["f64"], TURNS
+            )
+    return results, {"compare": f"{run.LEGEND}\n{run.table(results)}"}
+
+
+def grow(full):
+    """Number of grains and memory: (results, blocks)."""
+    rows, figures = sizes.measure(full, TURNS)
+    named = {f"size_{tag}": row for tag, row in rows.items()}
+    return named | figures, {"sizes": f"{sizes.table(rows)}\n\n{bounds.table(figures)}"}
+
+
+def cut(full):
+    """Patches per grain: (results, blocks)."""
+    groups = shapes.measure(full, TURNS)
+    return {f"shape_{row['tag']}": row for rows in groups for row in rows}, {"shapes": shapes.table(groups)}
+
+
+def spread(full):
+    """An empty domain: (results, blocks)."""
+    figures, _ = empty.measure(empty.SCENES, TURNS)
+    return figures, {"empty": bounds.table(figures)}
+
+
+def begin(full):
+    """Seconds to the first step: (results, blocks)."""
+    figures = start.measure(start.SCENES if full else start.CORE, TURNS)
+    return figures, {"start": bounds.table(figures)}
+
+
+def write(full):
+    """Diagnostics and files: (results, blocks)."""
+    figures, seconds = output_cost.measure(output_cost.SHAPES)
+    return figures, {"output": f"{output_cost.table(seconds)}\n\n{bounds.table(figures)}"}
+
+
+PARTS = {"compare": compare, "sizes": grow, "empty": spread, "start": begin, "output": write, "shapes": cut}
+
+
+def main():
+    """Run the parts asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--full", action="store_true", help="the long rest as well")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="only these")
+    parser.add_argument("--table", default=ROOT / "docs" / "performance.md", help="page with markers for the tables")
+    parser.add_argument("--install-lammps", action="store_true", help="apt-get install lammps first, as root")
+    args = parser.parse_args()
+    run.find_lammps(args.install_lammps)
+    results = {}
+    for name in args.parts:
+        began = time.perf_counter()
+        print(f"{name} ...", flush=True)
+        found, blocks = PARTS[name](args.full)
+        results |= found
+        run.save(results)
+        written = page.write(args.table, blocks)
+        for block in blocks.values():
+            print(f"\n{block}\n")
+        where = f", written to {args.table}" if written else ""
+        print(f"{name}: {time.perf_counter() - began:.0f} s{where}", flush=True)
+    broken = [name for name, row in results.items() if row.get("holds") is False]
+    print(f"Bounds that do not hold: {', '.join(broken) or 'none'}")
+
+
+if __name__ == "__main__":
+    main()

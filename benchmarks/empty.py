@@ -1,0 +1,51 @@
+"""Does an empty domain cost anything? `python -m benchmarks.empty`.
+
+The grains of a declared scene, in the domain of that scene and in one 100 times as long along each axis, each in a
+process of its own: time of a neighbour search, in turn, and resident memory of the process after them.
+"""
+
+import argparse
+from contextlib import ExitStack
+from statistics import median
+
+from benchmarks import bounds
+from benchmarks.ours import Worker
+
+SCENES = ("S3_10000", "S2_10000")
+LONGER = 100
+SEARCHES = 20  # per turn
+SLOWER = 2.0  # bound of the time of a search over that in the domain of the scene
+MORE_MEMORY = 16.0  # MB: bound of the resident memory beyond that of the scene
+
+
+def measure(tags, turns):
+    """Figures {name: figure} with the bounds, for each tag: ratio of the times and memory more [MB]; and the times
+    [ms] themselves by name."""
+    figures, times = {}, {}
+    for tag in tags:
+        with ExitStack() as stack:
+            both = [stack.enter_context(Worker(t, "f64", 1, False)) for t in (tag, f"{tag}@{LONGER}")]
+            taken = [[], []]
+            for _ in range(turns):
+                for worker, seconds in zip(both, taken):
+                    seconds += worker.ask(f"rebuild {SEARCHES}")["seconds"]
+            near, far = (worker.ask("memory")["resident"] for worker in both)
+        ratio = median(taken[1]) / median(taken[0])
+        times[tag] = [1e3 * median(seconds) for seconds in taken]
+        figures[f"empty_search_{tag}"] = bounds.figure(ratio, "1", SLOWER)
+        figures[f"empty_memory_{tag}"] = bounds.figure((far - near) / 1e6, "MB", MORE_MEMORY)
+    return figures, times
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--turns", type=int, default=5, help=f"turns of {SEARCHES} searches; medians are printed")
+    figures, times = measure(SCENES, parser.parse_args().turns)
+    for tag, (near, far) in times.items():
+        print(f"{tag}: a neighbour search takes {near:.2f} ms, {far:.2f} ms in a domain {LONGER} times as long")
+    print(bounds.table(figures))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""What share of a run goes into diagnostics and files? `python -m benchmarks.output_cost`.
+
+Runs the shear experiment (`lsm shear-gouge`, its default size and intervals, over less strain) and times, from outside
+of the program, every sample of the layer (all sums over grains and contacts) and every row and snapshot written. The
+first sample is left out of both the part and the whole: it compiles. The picture made at the end does not grow with the
+run and is given in seconds.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+
+from benchmarks import bounds, page
+from benchmarks.ours import ROOT
+
+SHAPES = ("sphere", "angular")
+STRAIN = 1.0  # of 5 by default: files are written at least every 30 s, so a short run writes no less often
+DIAGNOSTICS, FILES = 0.03, 0.01  # bounds of the shares
+
+
+class Stopwatch:
+    """Seconds and calls of methods, of which only the outermost counts."""
+
+    def __init__(self):
+        self.calls, self.seconds, self.first, self.inside = 0, 0.0, 0.0, False
+
+    def watch(self, owner, name):
+        """Replace method `name` of the class `owner` by one that is timed."""
+        method = getattr(owner, name)
+
+        def timed(*args, **options):
+            if self.inside:
+                return method(*args, **options)
+            self.inside, began = True, time.perf_counter()
+            try:
+                return method(*args, **options)
+            finally:
+                taken, self.inside = time.perf_counter() - began, False
+                self.first = self.first if self.calls else taken
+                self.calls, self.seconds = self.calls + 1, self.seconds + taken
+
+        setattr(owner, name, timed)
+
+
+def serve(shape):
+    """Run the experiment and print the seconds as JSON: of the whole, of samples, of files, of the picture."""
+    import taichi_lsm as lsm
+    from workflows import plots, shear_gouge
+
+    samples, files, picture = Stopwatch(), Stopwatch(), Stopwatch()
+    samples.watch(lsm.ShearedLayer, "sample")
+    for name in ("row", "snapshot", "__enter__", "__exit__"):
+        files.watch(lsm.LayerRecorder, name)
+    picture.watch(plots, "plot_run")
+    params = shear_gouge.Params(shape=shape, strain=STRAIN, steady_from=0.5 * STRAIN)
+    scene = shear_gouge.build(params)
+    with tempfile.TemporaryDirectory() as out:
+        began = time.perf_counter()
+        shear_gouge.simulate(scene, params, out)
+        whole = time.perf_counter() - began
+    print(
+        json.dumps(
+            {
+                "run": whole - samples.first - picture.seconds,
+                "samples": samples.seconds - samples.first,
+                "count": samples.calls - 1,
+                "files": files.seconds,
+                "picture": picture.seconds,
+            }
+        )
+    )
+
+
+def run(shape):
+    """What `serve` measures, in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.output_cost", "--serve", shape]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)}: {done.stderr[-2000:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def measure(shapes):
+    """(figures with the bounds, seconds by shape)."""
+    seconds = {shape: run(shape) for shape in shapes}
+    figures = {}
+    for shape, part in seconds.items():
+        figures[f"diagnostics_{shape}"] = bounds.figure(part["samples"] / part["run"], "1", DIAGNOSTICS)
+        figures[f"files_{shape}"] = bounds.figure(part["files"] / part["run"], "1", FILES)
+    return figures, seconds
+
+
+def table(seconds):
+    """Markdown table of the seconds of each run."""
+    lines = page.head("shape", "run [s]", "samples [s]", "number of samples", "files [s]", "picture [s]")
+    for shape, s in seconds.items():
+        parts = (f"{s['run']:.2f}", f"{s['samples']:.3f}", s["count"], f"{s['files']:.3f}", f"{s['picture']:.2f}")
+        lines.append(page.row(shape, *parts))
+    return "\n".join(lines)
+
+
+def main():
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--serve", choices=SHAPES, help="run one shape in this process and print its seconds")
+    args = parser.parse_args()
+    if args.serve:
+        serve(args.serve)
+        return
+    figures, seconds = measure(SHAPES)
+    print(f"{table(seconds)}\n\n{bounds.table(figures)}")
+
+
+if __name__ == "__main__":
+    main()

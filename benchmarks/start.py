@@ -1,0 +1,70 @@
+"""How long until the first step? `python -m benchmarks.start`.
+
+Seconds from the start of a Python process to the end of the first step of the shear experiment (`lsm shear-gouge`, the
+sizes of its preset smoke), measured from outside: imports, making the scene, compiling, one step. Cold: Taichi's cache
+of compiled kernels is an empty folder. Warm: the same folder, filled by the cold start. The user's own cache is not
+touched: Taichi reads the folder from TI_OFFLINE_CACHE_FILE_PATH.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from statistics import median
+
+from benchmarks import bounds
+from benchmarks.ours import ROOT
+
+SCENES = ("2 sphere", "2 angular", "3 sphere", "3 angular")  # dimension and shape, as in `lsm shear-gouge`
+CORE = SCENES[:2]
+BOUNDS = {"cold": 8.0, "warm": 2.0}  # s
+FIRST_STEP = """
+import sys
+import taichi_lsm as lsm
+from workflows import shear_gouge
+params = shear_gouge.Params(dim=int(sys.argv[1]), shape=sys.argv[2], **shear_gouge.Params.presets["smoke"])
+lsm.Simulation(shear_gouge.build(params)).run(1)
+print("stepped", flush=True)
+"""
+
+
+def seconds_to_first_step(scene, cache):
+    """Seconds until a fresh process has made its first step, with Taichi's cache in the folder `cache`."""
+    command = [sys.executable, "-c", FIRST_STEP, *scene.split()]
+    environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+    began = time.perf_counter()
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        said = process.stdout.readline()
+        taken = time.perf_counter() - began
+    if said.strip() != "stepped" or process.returncode:  # it has ended by now, and with that written its cache
+        raise RuntimeError(f"start of {scene}: ended with code {process.returncode} after {said!r}")
+    return taken
+
+
+def measure(scenes, turns):
+    """Figures {name: figure} with the bounds: medians of `turns` cold starts, each followed by a warm one."""
+    taken = {(scene, kind): [] for scene in scenes for kind in BOUNDS}
+    for _ in range(turns):
+        for scene in scenes:
+            with tempfile.TemporaryDirectory() as cache:
+                for kind in BOUNDS:
+                    taken[scene, kind].append(seconds_to_first_step(scene, cache))
+    return {
+        f"start_{kind}_{scene.replace(' ', 'd_')}": bounds.figure(median(times), "s", BOUNDS[kind])
+        for (scene, kind), times in taken.items()
+    }
+
+
+def main():
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--turns", type=int, default=3, help="cold starts of each scene; medians are printed")
+    parser.add_argument("--full", action="store_true", help="in 3D too")
+    args = parser.parse_args()
+    print(bounds.table(measure(SCENES if args.full else CORE, args.turns)))
+
+
+if __name__ == "__main__":
+    main()
