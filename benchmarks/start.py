@@ -17,8 +17,7 @@ from statistics import median
 from benchmarks import bounds
 from benchmarks.ours import ROOT
 
-SCENES = ("2 sphere", "2 angular", "3 sphere", "3 angular")  # dimension and shape, as in `lsm shear-gouge`
-CORE = SCENES[:2]
+FLAT, SOLID = ("2 sphere", "2 angular"), ("3 sphere", "3 angular")  # dimension and shape, as in `lsm shear-gouge`
 BOUNDS = {"cold": 8.0, "warm": 2.0}  # s
 FIRST_STEP = """
 import sys
@@ -63,7 +62,7 @@ def main():
     parser.add_argument("--turns", type=int, default=3, help="cold starts of each scene; medians are printed")
     parser.add_argument("--full", action="store_true", help="in 3D too")
     args = parser.parse_args()
-    print(bounds.table(measure(SCENES if args.full else CORE, args.turns)))
+    print(bounds.table(measure(FLAT + SOLID if args.full else FLAT, args.turns)))
 
 
 if __name__ == "__main__":
