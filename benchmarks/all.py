@@ -22,6 +22,7 @@ def compare(full):
     for tag in (*run.TAGS, *(LARGE if full else ())):
         precisions = ["f64", "f32"] if full and tag in scenes.TAGS else ["f64"]
         for threads in run.threads_here() if full or tag.endswith("_10000") else [1]:
+            print(f"  {tag}, {threads}t", flush=True)
             results |= run.measure_scene(tag, threads, precisions, TURNS)
     return results, {"compare": f"{run.LEGEND}\n{run.table(results)}"}
 
@@ -47,10 +48,11 @@ def spread(full):
 
 def begin(full):
     """Seconds to the first step: (results, blocks). In 3D once, with `full`: a cold start takes minutes there."""
-    figures = start.measure(start.FLAT, TURNS)
+    figures, table = start.measure(start.FLAT, TURNS)
     if full:
-        figures |= start.measure(start.SOLID, 1)
-    return figures, {"start": bounds.table(figures)}
+        more, solid = start.measure(start.SOLID, 1)
+        figures, table = figures | more, f"{table}\n\n{solid}"
+    return figures, {"start": table}
 
 
 def write(full):

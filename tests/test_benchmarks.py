@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from benchmarks import all as everything
 from benchmarks import bounds, lammps, ours, output_cost, page, run, scenes, sizes
 
 
@@ -90,6 +91,22 @@ def test_growth_is_relative_to_ten_thousand():
     assert sizes.growth_figures(rows) == {"growth_S3_1000000": bounds.figure(3.0, "1", sizes.GROWTH)}
     rows = {tag: row | {"lammps_ns": None, "steps_per_rebuild": 50.0} for tag, row in rows.items()}
     assert "| S3_1000 | 1000 | 90 | - | - | 50 |" in sizes.table(rows)
+
+
+def test_parts_write_results_and_page(tmp_path, monkeypatch, capsys):
+    table = "| new |"
+    parts = {"one": lambda full: ({"a": bounds.figure(3.0, "s", 2.0), "full": {"ours_ns": full}}, {"x": table})}
+    monkeypatch.setattr(everything, "PARTS", parts)
+    monkeypatch.setattr(run, "RESULTS", tmp_path / "results.json")
+    file = tmp_path / "page.md"
+    file.write_text("<!-- bench:x -->\n<!-- /bench:x -->\n")
+    monkeypatch.setattr("sys.argv", ["benchmarks.all", "--parts", "one", "--table", str(file), "--full"])
+    everything.main()
+    assert file.read_text() == f"<!-- bench:x -->\n{table}\n<!-- /bench:x -->\n"
+    found = json.loads((tmp_path / "results.json").read_text())
+    assert found == {"a": {"value": 3.0, "unit": "s", "bound": 2.0, "holds": False}, "full": {"ours_ns": True}}
+    said = capsys.readouterr().out
+    assert table in said and said.endswith("Bounds that do not hold: a\n")
 
 
 def test_memory_is_read_from_the_system():
