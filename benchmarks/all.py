@@ -31,7 +31,8 @@ def grow(full):
     """Number of grains and memory: (results, blocks)."""
     rows, figures = sizes.measure(full, TURNS)
     named = {f"size_{tag}": row for tag, row in rows.items()}
-    return named | figures, {"sizes": f"{sizes.table(rows)}\n\n{bounds.table(figures)}"}
+    claimed = f"\n\n{bounds.table(figures)}" if figures else ""
+    return named | figures, {"sizes": sizes.table(rows) + claimed}
 
 
 def cut(full):

@@ -89,8 +89,8 @@ def test_bounds_are_printed_beside_values():
 def test_growth_is_relative_to_ten_thousand():
     rows = {f"S3_{n}": {"grains": n, "ours_ns": t} for n, t in ((1000, 90.0), (10_000, 100.0), (1_000_000, 300.0))}
     assert sizes.growth_figures(rows) == {"growth_S3_1000000": bounds.figure(3.0, "1", sizes.GROWTH)}
-    rows = {tag: row | {"lammps_ns": None, "steps_per_rebuild": 50.0} for tag, row in rows.items()}
-    assert "| S3_1000 | 1000 | 90 | - | - | 50 |" in sizes.table(rows)
+    rows = {tag: row | {"lammps_ns": None, "ours_cpu_ns": 80.0, "steps_per_rebuild": 50.0} for tag, row in rows.items()}
+    assert "| S3_1000 | 1000 | 90 | 80 | - | - | 50 |" in sizes.table(rows)
 
 
 def test_parts_write_results_and_page(tmp_path, monkeypatch, capsys):
