@@ -71,6 +71,8 @@ _HOME = {
     "rough_platen": "packing",
     "ShearedLayer": "layer",
     "LayerRecorder": "recording",
+    "profile": "profiling",
+    "profile_text": "profiling",
     "save_checkpoint": "checkpoint",
     "restore_checkpoint": "checkpoint",
     "write_table": "output",

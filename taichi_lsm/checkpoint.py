@@ -81,7 +81,7 @@ def restore_checkpoint(sim, path):
     sim.faults.clear()
     grains = sim.grains
     grains.set_order(grains.id.to_numpy()[: len(grains)])
-    sim.neighbours.transpose()
+    sim.neighbours.transpose_only()
 
 
 def _tables(sim):

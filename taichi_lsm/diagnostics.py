@@ -3,8 +3,10 @@
 Grains are summed in blocks of consecutive ids, blocks one after the other: the bits do not depend on threads.
 """
 
+import numpy as np
+
 from .contact.pairs import SLIDING, TOUCHING
-from .runtime import ti
+from .runtime import current, ti
 
 BLOCK = 64
 EVERYWHERE = 1e300  # [m], a slab without bounds; infinity times a gradient of zero would be no number
@@ -37,7 +39,7 @@ class Measure:
         blocks = -(-self.grains.slot_of.shape[0] // BLOCK)
         self.block_sum = ti.Vector.field(self.width, ti.f64, blocks)
         self.block_deepest = ti.field(ti.f64, blocks)
-        self.result = ti.field(ti.f64, self.width + 1)
+        self.serial = current().serial
 
     @ti.func
     def inside(self, y, reach, low, high):
@@ -77,8 +79,8 @@ class Measure:
     def add_contact(self, k, s, low, high, total: ti.template()):
         g, pairs = self.grains, self.pairs
         l = pairs.partner[s]
-        d = self.forces.shortest(k, l)
-        depth, n, arm_k, arm_l = self.forces.overlap(k, l, s, d, 0)
+        d = self.forces.geometry.shortest(k, l)
+        depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
         contact = self.forces.contact_of(k, l, depth, n, arm_k, arm_l, 0.0)
         for law in ti.static(self.stores):
             if ti.static(law.history_size(self.dim) > 0):
@@ -100,10 +102,11 @@ class Measure:
         return ti.cast(depth / limit, ti.f64)
 
     @ti.kernel
-    def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64):
+    def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64, result: ti.types.ndarray()):
         g, pairs = self.grains, self.pairs
         count = g.count[None]
         blocks = (count + BLOCK - 1) // BLOCK
+        ti.loop_config(serialize=self.serial)
         for block in range(blocks):
             total = ti.Vector([ti.cast(0.0, ti.f64)] * self.width)
             deepest = ti.cast(0.0, ti.f64)
@@ -117,12 +120,12 @@ class Measure:
             self.block_deepest[block] = deepest
         ti.loop_config(serialize=True)
         for c in range(self.width + 1):
-            self.result[c] = 0.0
+            result[c] = 0.0
         ti.loop_config(serialize=True)
         for block in range(blocks):
             for c in ti.static(range(self.width)):
-                self.result[c] += self.block_sum[block][c]
-            self.result[self.width] = ti.max(self.result[self.width], self.block_deepest[block])
+                result[c] += self.block_sum[block][c]
+            result[self.width] = ti.max(result[self.width], self.block_deepest[block])
 
     def sums(self, low=-EVERYWHERE, high=EVERYWHERE, volume=1.0, velocity=0.0, gradient=0.0):
         """Measure now; see the class docstring.
@@ -130,8 +133,8 @@ class Measure:
         Stress is taken over low <= y < high [m], volume [m3], where the mean velocity along x is
         velocity + gradient (y - low) [m s-1, s-1].
         """
-        self.reduce(low, high, velocity, gradient)
-        values = self.result.to_numpy()
+        values = np.zeros(self.width + 1)
+        self.reduce(low, high, velocity, gradient, values)
         result = {name: float(values[i]) for name, i in self.at.items() if not name.startswith("stress_")}
         first = self.at["stress_xx"]
         stress = values[first : first + self.dim**2].reshape(self.dim, self.dim) / volume

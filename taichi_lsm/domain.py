@@ -39,8 +39,8 @@ class Domain:
     def set_lengths(self, lengths):
         """Write the lengths of the cell [m]; those of open axes do not matter."""
         finite = np.where(self.periodic, lengths, 1.0).astype(float)
-        self.length.from_numpy(finite)
-        self.inverse_length.from_numpy(1.0 / finite)
+        for axis, length in enumerate(finite):  # each `from_numpy` would be a kernel to compile
+            self.length[axis], self.inverse_length[axis] = length, 1.0 / length
 
     @ti.func
     def displacement(self, x_k, x_l):

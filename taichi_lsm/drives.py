@@ -142,18 +142,19 @@ class Platens:
         self.work = ti.Vector.field(self.dim, ti.f64, shape)
         self.dissipated = ti.Vector.field(self.dim, ti.f64, shape)
         self.state = [getattr(self, name) for name in PUBLISHED]
-        self.published = ti.field(ti.f64, (len(PUBLISHED), self.count, self.dim))
         self.values = ti.Vector.field(VALUES, ti.f64, (self.count, self.dim))
         when_allocated(lambda: self._begin(np.concatenate(glued)))
 
     def _begin(self, ids):
-        self.member.from_numpy(ids.astype(np.int32))
+        for m, k in enumerate(ids):  # `from_numpy` would be a kernel to compile
+            self.member[m] = k
         masses = np.repeat(self.glued_mass[:, None], self.dim, axis=1)
         for p, drives in enumerate(self.drives):
             for axis, drive in enumerate(drives):
                 self._write(p, axis, drive)
                 masses[p, axis] = getattr(drive, "inertia", masses[p, axis])
-        self.mass.from_numpy(masses)
+        for p, mass in enumerate(masses):
+            self.mass[p] = mass
 
     def _write(self, p, axis, drive):
         values = np.zeros(VALUES)
@@ -179,9 +180,9 @@ class Platens:
                     self.values[p, axis], self.velocity[p][axis], self.force[p][axis], self.mass[p][axis], dt
                 )
                 self.velocity[p][axis] = v
-                self.work[p][axis] += work
-                self.dissipated[p][axis] += lost
-                self.displacement[p][axis] += v * dt
+                self.work[p][axis] = self.work[p][axis] + work
+                self.dissipated[p][axis] = self.dissipated[p][axis] + lost
+                self.displacement[p][axis] = self.displacement[p][axis] + v * dt
 
     @ti.func
     def carry(self, k, dt):
@@ -189,7 +190,7 @@ class Platens:
         g = self.grains
         v = self.velocity[g.platen[k]]
         g.velocity[k] = v
-        g.position[k] += v * dt
+        g.position[k] = g.position[k] + v * dt
 
     @ti.func
     def gather(self, forces: ti.template(), dt):
@@ -202,19 +203,20 @@ class Platens:
                 if ti.static(forces.onset):
                     total += kick / dt
             self.force[p] = total
-            self.force_sum[p] += total
-            self.force_square_sum[p] += total * total
+            self.force_sum[p] = self.force_sum[p] + total
+            self.force_square_sum[p] = self.force_square_sum[p] + total * total
 
     @ti.kernel
-    def publish(self):
-        for p in ti.static(range(self.count)):
-            for axis in ti.static(range(self.dim)):
-                for q in ti.static(range(len(self.state))):
-                    self.published[q, p, axis] = self.state[q][p][axis]
+    def publish(self, values: ti.types.ndarray()):
+        for q in ti.static(range(len(PUBLISHED))):
+            for p in ti.static(range(self.count)):
+                for axis in ti.static(range(self.dim)):
+                    values[q, p, axis] = self.state[q][p][axis]
 
     def snapshot(self):
         """{name: array (platen, axis)} of displacement [m], velocity [m s-1], sums over steps of the contact force
         [N] and of its square [N2], work of the drives [J] and energy they dissipated [J]; read in one go.
         """
-        self.publish()
-        return dict(zip(PUBLISHED, self.published.to_numpy(), strict=True))
+        values = np.zeros((len(PUBLISHED), self.count, self.dim))
+        self.publish(values)
+        return dict(zip(PUBLISHED, values, strict=True))

@@ -1,15 +1,16 @@
 """Forces of the contacts: composes the geometry and the effects that a scene lists, at compile time."""
 
+from .contact.lanes import AXIS, block_width, get, lane_type, padded, put
 from .contact.narrow import sphere_overlap
-from .contact.pairs import KICKED, PART_BASE, SLIDING, TOUCHING
+from .contact.pair_geometry import PairGeometry
+from .contact.pairs import KICKED, SLIDING, TOUCHING
 from .effects import contact_type
 from .effects.base import PHASES
-from .rotation import spin_velocity, torque_of, turned, unrotate
+from .onset import OnsetCorrection
+from .rotation import spin_velocity, torque_of
 from .runtime import current, ti
 
 NEARLY = 1.0 - 1e-12  # rounding of a long way must not hide a contact
-LEAST_FRACTION = 0.03  # of a step after a seam: in less the features do not differ by more than their errors
-GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the force: more is no mere kink
 
 
 def in_order(effects):
@@ -19,32 +20,50 @@ def in_order(effects):
 
 @ti.data_oriented
 class ContactForces:
-    """One row of the half list at a time: sums stay in registers, the pair's force is stored for its partner.
+    """Evaluates the half list in blocks of pairs; stores each pair's force for its partner and sums the rows.
 
-    surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one.
-    A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `faults`.
+    A block passes through four stages, see contact/lanes.py: `survey` finds the pairs that are near, `meet` gathers
+    what the laws need, `apply_laws` is arithmetic over lanes alone, `keep` scatters the results.
     """
 
     def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults):
-        self.grains, self.domain, self.pairs, self.faults = grains, domain, pairs, faults
-        self.parts, self.several = parts, parts is not None
-        self.shaped = surfaces is not None
-        if self.shaped:
-            self.geometry = surfaces.contact(grains, pairs, faults)
+        self.grains, self.domain, self.pairs = grains, domain, pairs
+        self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults)
+        self.shaped, self.several = self.geometry.shaped, self.geometry.several
         self.real = current().real
         self.dim = grains.dim
-        self.rotates = grains.has("spin")
-        self.tumbles = grains.has("angular_momentum")
+        self.rotates, self.spin_size = grains.has("spin"), grains.sizes["spin"]
         self.ledger = grains.has("dissipated")
         self.laws = [e for e in in_order(effects) if e.phase != "body"]
         self.body_laws = [e for e in effects if e.phase == "body"]
         self.onset = pairs.onset
-        self.remembers = pairs.remembers_feature
+        self.remembers, self.remembers_normal = pairs.remembers_feature, pairs.remembers_normal
         self.seams = pairs.onset and self.remembers
-        self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.books = [e for e in self.laws if e.dissipates]
-        self.book_count = max(1, len(self.books))
+        self.book_count = len(self.books)
         self.contact_type = contact_type(self.dim)
+        self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
+        self.correction = OnsetCorrection(self.geometry, self.springs, self.contact_type)
+        self.width, self.lanes = block_width(), self._lanes()
+
+    def _lanes(self):
+        """What a block holds of each contact. `lost` and `memory` have a component per book and per history value."""
+        scalars = ["depth", "inverse_mass"]
+        vectors = {"normal": self.dim, "velocity": self.dim, "force": self.dim}
+        vectors |= {"lost": self.book_count, "memory": self.pairs.history_size}
+        integers = ["slot", "was", "near", "status"]
+        if self.rotates:
+            vectors |= {"torque_k": self.spin_size, "torque_l": self.spin_size}
+            if self.shaped:
+                scalars += ["spin_about_normal"]
+                vectors |= {"arm_k": self.dim, "arm_l": self.dim}
+            else:
+                scalars += ["radius_k", "radius_l"]
+                vectors |= {"spin_k": self.spin_size, "spin_l": self.spin_size}
+        if self.seams:
+            integers += ["feature_k", "feature_l"]
+            vectors |= {"last_normal": self.dim if self.remembers_normal else 0}
+        return lane_type(scalars, vectors, integers)
 
     def history_slice(self, law):
         """(first, size) of a law's values in the pair's history."""
@@ -56,87 +75,37 @@ class ContactForces:
         return self.books.index(law)
 
     @ti.func
-    def shortest(self, k, l):
-        """Vector from grain k to the nearest image of grain l [m], in the precision of the contact geometry."""
-        return ti.cast(self.domain.displacement(self.grains.position[k], self.grains.position[l]), self.real)
-
-    @ti.func
-    def overlap(self, k, l, s, d, was):
-        """(depth [m], normal k -> l, arm_k, arm_l [m]) of grains d = c_l - c_k apart; depth < 0 if they are apart.
-
-        Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`was`) is looked at.
-        """
-        g = self.grains
-        depth = ti.cast(-1.0, self.real)
-        n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
-        r_k, r_l = g.radius[k], g.radius[l]
-        if d.dot(d) < (r_k + r_l) ** 2 or was != 0:
-            if ti.static(self.shaped):
-                a, b = self.parts_of(k, l, s)
-                depth, n, arm_k = self.geometry.overlap(a, b, k, l, s, d)
-            else:
-                depth, n, at = sphere_overlap(d, r_k, r_l)
-                arm_k = at * n
-                if depth >= r_k + r_l:
-                    self.faults.report(1, g.id[k], g.id[l])
-            arm_l = arm_k - d
-        return depth, n, arm_k, arm_l
-
-    @ti.func
-    def met(self, c, k, l, s, d, was):
-        """As `overlap`, of the pair that `near_pairs` noted at place c; a depth beyond the cap is reported."""
-        g = self.grains
-        depth = ti.cast(-1.0, self.real)
-        n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
-        if ti.static(self.shaped):
-            depth, n, arm_k, arm_l = self.overlap(k, l, s, d, was)
-        else:
-            n = ti.Vector([self.pairs.gap[c][axis] for axis in range(self.dim)], self.real)
-            depth = self.pairs.gap[c][self.dim]
-            arm_k = (g.radius[k] - 0.5 * depth) * n
-            arm_l = arm_k - d
-            if depth >= g.radius[k] + g.radius[l]:
-                self.faults.report(1, g.id[k], g.id[l])
-        return depth, n, arm_k, arm_l
-
-    @ti.func
-    def parts_of(self, k, l, s):
-        """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
-        g = self.grains
-        a, b = g.shape[k], g.shape[l]
-        if ti.static(self.several):
-            code = self.pairs.part_code[s]
-            a = self.parts.first[a] + code // PART_BASE
-            b = self.parts.first[b] + code % PART_BASE
-        return a, b
-
-    @ti.func
-    def spin_difference(self, omega_k, omega_l, arm_k, arm_l):
-        """Part of the relative velocity of l against k at the contact that comes from the spins [m s-1]."""
-        return spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
-
-    @ti.func
     def contact_of(self, k, l, depth, n, arm_k, arm_l, dt):
-        """The kinematics of a contact as the laws see it."""
+        """The kinematics of one contact as the laws see it."""
         g = self.grains
-        contact = self.contact_type(0)
+        v = self.velocity_at(k, l, arm_k, arm_l)
+        spin_about_normal = 0.0 * depth
+        if ti.static(self.rotates and self.dim == 3):
+            spin_about_normal = 0.5 * n.dot(ti.cast(g.spin[k] + g.spin[l], self.real))
+        return self.seen(v, n, depth, g.inverse_mass[k] + g.inverse_mass[l], spin_about_normal, dt)
+
+    @ti.func
+    def velocity_at(self, k, l, arm_k, arm_l):
+        """Velocity of grain l against grain k at the contact [m s-1]."""
+        g = self.grains
         v = ti.cast(g.velocity[l] - g.velocity[k], self.real)
         if ti.static(self.rotates):
             omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
-            if ti.static(self.shaped):
-                v += self.spin_difference(omega_k, omega_l, arm_k, arm_l)
-            else:  # both arms lie along the normal
-                a, b = g.radius[k] - 0.5 * depth, g.radius[l] - 0.5 * depth
-                v -= spin_velocity(a * omega_k + b * omega_l, n)
-            if ti.static(self.dim == 3):
-                contact.spin_about_normal = 0.5 * n.dot(omega_k + omega_l)
+            v += spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
+        return v
+
+    @ti.func
+    def seen(self, v, n, depth, inverse_mass, spin_about_normal, dt):
+        """A contact with the velocity v of l against k [m s-1] and the sum of both inverse masses [kg-1]."""
+        contact = self.contact_type(0)
         v_n = v.dot(n)
-        contact.touching = depth > 0.0
+        contact.touching = ti.cast(depth > 0.0, ti.i32)
         contact.depth = ti.max(depth, 0.0)
         contact.normal = n
         contact.approach = -v_n
         contact.slip = v - v_n * n
-        contact.mass = 1.0 / (g.inverse_mass[k] + g.inverse_mass[l])
+        contact.spin_about_normal = spin_about_normal
+        contact.mass = 1.0 / inverse_mass
         contact.dt = dt
         return contact
 
@@ -147,226 +116,245 @@ class ContactForces:
         return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
 
     @ti.func
-    def onset_kick(self, contact, k, l, s, d, was, depth, n, arm_k, arm_l):
-        """Impulse along the contact in the first step after it begins or ends; 0 in all others [N s].
+    def rows(self, lanes: ti.template(), first, last, dt):
+        """Evaluate the contacts in the rows of grains first to last - 1 and store their forces.
 
-        It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
-        `passage`. A contact that began and ended within one step leaves nothing to correct.
+        Pairs are oriented from the lower id. A pair that has just parted is evaluated once more, so that its history
+        is booked and cleared.
         """
-        before = was & TOUCHING
-        kick = 0.0 * depth
-        if contact.touching != before:
-            dt = contact.dt
-            last, earlier = self.depths_before(k, l, s, d, n, dt)
-            u, inside = (depth - last) / dt, depth
-            acceleration = (u - (last - earlier) / dt) / dt
-            if before == 1:  # with time reversed the contact begins; its own force fades within the step
-                u, inside = -u, last
-                ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
-                acceleration += self.elastic_force(ti.max(last, 0.0)) * ease
-            u, time = self.passage(inside, u, acceleration, dt)
-            if u > 0.0 and time < dt:
-                for law in ti.static(self.springs):
-                    kick += law.onset_impulse(u, acceleration, time / dt, dt)
-        return kick
+        pairs = self.pairs
+        cleared = first
+        s, end = pairs.row_start[first], pairs.row_start[last]
+        while s < end:
+            stop = ti.min(s + self.width, end)
+            while cleared < last and pairs.row_start[cleared] < stop:
+                self.clear(cleared)
+                cleared += 1
+            near = self.survey(lanes, s, stop - s)
+            met = self.meet(lanes, near)
+            self.apply_laws(lanes, met, dt)
+            self.keep(lanes, met, dt)
+            s = stop
+        for k in range(cleared, last):
+            self.clear(k)
 
     @ti.func
-    def depths_before(self, k, l, s, d, n, dt):
-        """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
+    def clear(self, k):
+        """Begin the sums over the row of grain k."""
         g = self.grains
-        d_1 = d - ti.cast(g.velocity[l] - g.velocity[k], self.real) * dt
-        d_2 = d_1 - ti.cast(g.last_velocity[l] - g.last_velocity[k], self.real) * dt
-        depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
-        depth_2 = g.radius[k] + g.radius[l] - d_2.norm()
-        if ti.static(self.shaped):
-            a, b = self.parts_of(k, l, s)
-            features = self.remembered(s)[0]
-            turn_k = turned(g.orientation[k], g.spin[k], -dt)
-            turn_l = turned(g.orientation[l], g.spin[l], -dt)
-            depth_1, m, _ = self.geometry.continued(a, b, k, l, features, d_1, turn_k, turn_l, n)
-            turn_k, turn_l = turned(turn_k, g.last_spin[k], -dt), turned(turn_l, g.last_spin[l], -dt)
-            depth_2, m, _ = self.geometry.continued(a, b, k, l, features, d_2, turn_k, turn_l, n)
-        return depth_1, depth_2
-
-    @ti.func
-    def passage(self, d, u, acceleration, dt):
-        """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
-        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time."""
-        now = u + 0.5 * acceleration * dt
-        square = now * now - 2.0 * acceleration * d
-        speed, time = 0.0 * d, dt
-        if now > 0.0 and square > 0.0:
-            speed = ti.sqrt(square)
-            time = 2.0 * d / (now + speed)
-        return speed, time
-
-    @ti.func
-    def principal(self, k, a):
-        """World vector `a` along the axes to which `inverse_inertia` of grain k belongs."""
-        result = a
-        if ti.static(self.tumbles):
-            result = unrotate(ti.cast(self.grains.orientation[k], self.real), a)
-        return result
-
-    @ti.func
-    def mobility(self, k, lever):
-        """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
-        result = self.grains.inverse_mass[k]
-        if ti.static(self.rotates):
-            lever = self.principal(k, lever)
-            result += (lever * lever * self.grains.inverse_inertia[k]).sum()
-        return result
-
-    @ti.func
-    def elastic_force(self, depth):
-        """Force of the springs alone at this depth [N]."""
-        contact = self.contact_type(0)
-        contact.depth = depth
-        for law in ti.static(self.springs):
-            law.on_contact(contact, 0)
-        return contact.normal_force
-
-    @ti.func
-    def remembered(self, s):
-        """(features, normal) of list slot s before the step, as far as the geometry keeps them."""
-        features = ti.Vector([0, 0])
-        n = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
-        if ti.static(self.remembers):
-            features = self.pairs.feature[s]
-            if ti.static(self.pairs.remembers_normal):
-                n = self.pairs.normal[s]
-        return features, n
-
-    @ti.func
-    def seam_kick(self, k, l, s, d, before, last_n, depth, n, arm_k, dt):
-        """(impulse on l [N s], angular impulses on k and on l [N m s]) in the step in which a contact crosses a seam.
-
-        At a seam the radius of curvature jumps, and with it the rate at which the normal turns: force and torques are
-        continuous but have a kink. What the old features, continued beyond the seam, would give now differs from what
-        the new ones give by the jump of the rates times the time since the crossing, a dt. The trapezoidal rule errs
-        by -c dt^2 zeta(-1, a), c the jump of the rate, as where a contact begins.
-        """
-        a, b = self.parts_of(k, l, s)
-        fraction, old_depth, old_n, old_x = self.geometry.crossing(a, b, k, l, d, before, last_n, dt)
-        kick = 0.0 * n
-        twist_k, twist_l = torque_of(n, kick), torque_of(n, kick)
-        if fraction > LEAST_FRACTION and fraction < 1.0 and old_depth > 0.0:
-            f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_n
-            if (f - old_f).norm() < GREATEST_KINK * f.norm():
-                scale = 0.5 * dt * (fraction - 1.0 + 1.0 / (6.0 * fraction))
-                kick = scale * (f - old_f)
-                twist_k = -scale * (torque_of(arm_k, f) - torque_of(old_x, old_f))
-                twist_l = scale * (torque_of(arm_k - d, f) - torque_of(old_x - d, old_f))
-        return kick, twist_k, twist_l
-
-    @ti.func
-    def near_pairs(self, k):
-        """Write the row's slots whose bounding spheres meet, or that have a past, to `pairs.near`, from the start of
-        the row on; returns the end. No branch depends on a distance: many of them would be mispredicted.
-
-        The geometry of spheres is kept in `pairs.gap`: done here for all pairs, one does not wait for the laws of the
-        one before, and the processor works on several roots and divisions at once. Shaped grains that were a gap apart
-        are left out until their surfaces have travelled so far that they may touch.
-        """
-        g, pairs = self.grains, self.pairs
-        end = pairs.row_start[k]
-        for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-            l = pairs.partner[s]
-            d = self.shortest(k, l)
-            meet = d.dot(d) < (g.radius[k] + g.radius[l]) ** 2
-            if ti.static(not self.shaped):
-                depth, n, _ = sphere_overlap(d, g.radius[k], g.radius[l])
-                meet = depth > 0.0
-                for axis in ti.static(range(self.dim)):
-                    pairs.gap[end][axis] = n[axis]
-                pairs.gap[end][self.dim] = depth
-            if ti.static(self.several):
-                code = pairs.part_code[s]
-                meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < 0.0
-            if ti.static(self.remembers):
-                meet = meet and g.travel[k] + g.travel[l] >= pairs.free_until[s]
-            pairs.near[end] = s
-            end += ti.cast(meet, ti.i32) | ti.cast(pairs.status[s] != 0, ti.i32)
-        return end
-
-    @ti.func
-    def row(self, k, dt):
-        """Evaluate the contacts in grain k's row and store their forces; pairs are oriented from the lower id.
-
-        A pair that has just parted is evaluated once more, so that its history is booked and cleared.
-        """
-        g, pairs = self.grains, self.pairs
-        force = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
-        torque = ti.Vector([ti.cast(0.0, self.real)] * g.sizes["spin"])
-        push, twist = 0.0 * force, 0.0 * torque
-        spent = ti.Vector([ti.cast(0.0, ti.f64)] * self.book_count)
-        for c in range(pairs.row_start[k], self.near_pairs(k)):
-            s = pairs.near[c]
-            l = pairs.partner[s]
-            d = self.shortest(k, l)
-            was = pairs.status[s]
-            before, last_n = self.remembered(s)
-            depth, n, arm_k, arm_l = self.met(c, k, l, s, d, was)
-            if depth > 0.0 or was != 0:
-                contact = self.contact_of(k, l, depth, n, arm_k, arm_l, dt)
-                for law in ti.static(self.laws):
-                    if ti.static(law.history_size(self.dim) > 0):
-                        first, size = ti.static(self.history_slice(law))
-                        memory = self.history_of(law, s)
-                        lost = law.on_contact(contact, memory)
-                        for c in ti.static(range(size)):
-                            pairs.history[s][first + c] = memory[c]
-                        if ti.static(self.ledger and law.dissipates):
-                            spent[ti.static(self.book_of(law))] += lost
-                    else:
-                        memory = 0
-                        law.on_contact(contact, memory)
-                f = contact.normal_force * n + contact.tangential_force
-                pairs.pair_force[s] = f
-                force -= f
-                if ti.static(self.rotates):
-                    if ti.static(self.shaped):
-                        pairs.pair_torque[s] = torque_of(arm_l, f)
-                        torque -= torque_of(arm_k, f)
-                    else:
-                        turning = torque_of(n, contact.tangential_force)
-                        pairs.pair_torque[s] = -(g.radius[l] - 0.5 * depth) * turning
-                        torque -= (g.radius[k] - 0.5 * depth) * turning
-                status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
-                if ti.static(self.onset):
-                    size = self.onset_kick(contact, k, l, s, d, was, depth, n, arm_k, arm_l)
-                    kick = size * n
-                    kicked = size != 0.0
-                    if ti.static(self.rotates):
-                        twist_k, twist_l = -torque_of(arm_k, kick), torque_of(arm_l, kick)
-                        if ti.static(self.seams):
-                            now = pairs.feature[s]
-                            moved = now[0] != before[0] or now[1] != before[1]
-                            if moved and (was & TOUCHING) and contact.touching == 1:
-                                kick, twist_k, twist_l = self.seam_kick(
-                                    k, l, s, d, before, last_n, depth, n, arm_k, contact.dt
-                                )
-                                kicked = True
-                        if kicked:
-                            twist += twist_k
-                            pairs.pair_twist[s] = twist_l
-                    if kicked:
-                        status += KICKED
-                        pairs.pair_kick[s] = kick
-                        push -= kick
-                pairs.status[s] = status
-            if ti.static(self.remembers):
-                way = g.travel[k] + g.travel[l]
-                pairs.free_until[s] = ti.select(depth < 0.0, NEARLY * way - ti.cast(depth, ti.f64), -1.0)
-        g.force[k] = force
+        still = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
+        g.force[k] = still
         if ti.static(self.onset):
-            g.kick[k] = push
-            if ti.static(self.rotates):
-                g.twist[k] = twist
+            g.kick[k] = still
         if ti.static(self.rotates):
-            g.torque[k] = torque
-        if ti.static(self.ledger):
-            g.dissipated[k] += spent
+            g.torque[k] = ti.Vector([ti.cast(0.0, self.real)] * self.spin_size)
+            if ti.static(self.onset):
+                g.twist[k] = ti.Vector([ti.cast(0.0, self.real)] * self.spin_size)
+
+    @ti.func
+    def survey(self, lanes: ti.template(), first, count):
+        """Put the slots from `first` on that are near, or that have a past, into the first lanes; returns how many.
+
+        No branch depends on a distance: many of them would be mispredicted. Of spheres the lanes then hold normal and
+        depth, of other grains the vector between the centres in place of the normal.
+        """
+        g, pairs = self.grains, self.pairs
+        for c in range(count):
+            s = first + c
+            k, l = pairs.first[s], pairs.partner[s]
+            d = self.geometry.shortest(k, l)
+            put(lanes, "normal", c, d)
+            if ti.static(self.shaped):
+                lanes.near[c] = self.geometry.near(k, l, s, d)
+            else:
+                lanes.depth[c] = g.radius[k] + g.radius[l]
+        if ti.static(not self.shaped):
+            for c in range(padded(count)):
+                depth, n, _ = sphere_overlap(get(lanes, "normal", c, self.dim), lanes.depth[c], 0.0)
+                put(lanes, "normal", c, n)
+                lanes.depth[c] = depth
+                lanes.near[c] = ti.cast(depth > 0.0, ti.i32)
+        near = 0
+        for c in range(count):
+            was = pairs.status[first + c]
+            lanes.slot[near], lanes.was[near] = first + c, was
+            put(lanes, "normal", near, get(lanes, "normal", c, self.dim))
+            if ti.static(not self.shaped):
+                lanes.depth[near] = lanes.depth[c]
+            near += lanes.near[c] | ti.cast(was != 0, ti.i32)
+        return near
+
+    @ti.func
+    def meet(self, lanes: ti.template(), near):
+        """Gather what the laws need of the near pairs that touch or did so before; returns how many there are."""
+        g, pairs = self.grains, self.pairs
+        met = near
+        if ti.static(self.shaped):
+            met = 0
+            for i in range(near):
+                s, was = lanes.slot[i], lanes.was[i]
+                lanes.slot[met], lanes.was[met] = s, was
+                met += self.meet_surfaces(lanes, met, s, was, get(lanes, "normal", i, self.dim))
+        else:
+            for i in range(near):
+                s = lanes.slot[i]
+                k, l = pairs.first[s], pairs.partner[s]
+                self.geometry.check_cap(k, l, lanes.depth[i])
+                put(lanes, "velocity", i, ti.cast(g.velocity[l] - g.velocity[k], self.real))
+                lanes.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
+                if ti.static(self.rotates):
+                    lanes.radius_k[i], lanes.radius_l[i] = g.radius[k], g.radius[l]
+                    put(lanes, "spin_k", i, ti.cast(g.spin[k], self.real))
+                    put(lanes, "spin_l", i, ti.cast(g.spin[l], self.real))
+        if ti.static(pairs.history_size > 0):
+            for i in range(met):
+                put(lanes, "memory", i, pairs.history[lanes.slot[i]])
+        return met
+
+    @ti.func
+    def meet_surfaces(self, lanes: ti.template(), i, s, was, d):
+        """Find where the surfaces of slot s, d = c_l - c_k apart [m], touch and put the contact into lane i; returns 0
+        if it can be forgotten."""
+        g, pairs = self.grains, self.pairs
+        k, l = pairs.first[s], pairs.partner[s]
+        before, last_n = self.geometry.remembered(s)
+        depth, n, arm_k, arm_l = self.geometry.overlap(k, l, s, d, was)
+        if ti.static(self.remembers):
+            way = g.travel[k] + g.travel[l]
+            pairs.free_until[s] = ti.select(depth < 0.0, NEARLY * way - ti.cast(depth, ti.f64), -1.0)
+        lanes.depth[i] = depth
+        put(lanes, "normal", i, n)
+        put(lanes, "velocity", i, self.velocity_at(k, l, arm_k, arm_l))
+        lanes.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
+        put(lanes, "arm_k", i, arm_k)
+        put(lanes, "arm_l", i, arm_l)
+        if ti.static(self.dim == 3):
+            lanes.spin_about_normal[i] = 0.5 * n.dot(ti.cast(g.spin[k] + g.spin[l], self.real))
+        if ti.static(self.seams):
+            lanes.feature_k[i], lanes.feature_l[i] = before[0], before[1]
+            if ti.static(self.remembers_normal):
+                put(lanes, "last_normal", i, last_n)
+        return ti.cast(depth > 0.0, ti.i32) | ti.cast(was != 0, ti.i32)
+
+    @ti.func
+    def in_lane(self, lanes: ti.template(), i, dt):
+        """The contact in lane i as the laws see it."""
+        depth, n = lanes.depth[i], get(lanes, "normal", i, self.dim)
+        v = get(lanes, "velocity", i, self.dim)
+        spin_about_normal = 0.0 * depth
+        if ti.static(self.rotates and self.shaped):
+            spin_about_normal = lanes.spin_about_normal[i]
+        elif ti.static(self.rotates):  # both arms lie along the normal
+            omega_k, omega_l = get(lanes, "spin_k", i, self.spin_size), get(lanes, "spin_l", i, self.spin_size)
+            a, b = lanes.radius_k[i] - 0.5 * depth, lanes.radius_l[i] - 0.5 * depth
+            v -= spin_velocity(a * omega_k + b * omega_l, n)
+            if ti.static(self.dim == 3):
+                spin_about_normal = 0.5 * n.dot(omega_k + omega_l)
+        return self.seen(v, n, depth, lanes.inverse_mass[i], spin_about_normal, dt)
+
+    @ti.func
+    def apply_laws(self, lanes: ti.template(), count, dt):
+        """Forces of the contacts in the first lanes, Eq. (10), and torques on both grains, Eq. (15)."""
+        for i in range(padded(count)):
+            contact = self.in_lane(lanes, i, dt)
+            for law in ti.static(self.laws):
+                self.apply(lanes, i, contact, law)
+            n = contact.normal
+            f = contact.normal_force * n + contact.tangential_force
+            put(lanes, "force", i, f)
+            if ti.static(self.rotates):
+                if ti.static(self.shaped):
+                    put(lanes, "torque_k", i, torque_of(get(lanes, "arm_k", i, self.dim), f))
+                    put(lanes, "torque_l", i, torque_of(get(lanes, "arm_l", i, self.dim), f))
+                else:
+                    turning = torque_of(n, contact.tangential_force)
+                    put(lanes, "torque_k", i, (lanes.radius_k[i] - 0.5 * lanes.depth[i]) * turning)
+                    put(lanes, "torque_l", i, -(lanes.radius_l[i] - 0.5 * lanes.depth[i]) * turning)
+            lanes.status[i] = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+
+    @ti.func
+    def apply(self, lanes: ti.template(), i, contact: ti.template(), law: ti.template()):
+        """Add one law to the contact in lane i; its history is read from the lanes and written back."""
+        lost = 0.0 * contact.depth
+        if ti.static(law.history_size(self.dim) > 0):
+            first, size = ti.static(self.history_slice(law))
+            memory = ti.Vector([lanes["memory" + AXIS[first + c]][i] for c in range(size)])
+            lost = law.on_contact(contact, memory)
+            for c in ti.static(range(size)):
+                lanes["memory" + AXIS[first + c]][i] = memory[c]
+        else:
+            lost = law.on_contact(contact, 0)
+        if ti.static(self.ledger and law.dissipates):
+            lanes["lost" + AXIS[ti.static(self.book_of(law))]][i] = lost
+
+    @ti.func
+    def keep(self, lanes: ti.template(), count, dt):
+        """Store forces, histories and status of the contacts in the first lanes, and add up their rows."""
+        g, pairs = self.grains, self.pairs
+        for i in range(count):
+            s = lanes.slot[i]
+            k = pairs.first[s]
+            f = get(lanes, "force", i, self.dim)
+            pairs.pair_force[s] = f
+            g.force[k] = g.force[k] - f
+            if ti.static(self.rotates):
+                pairs.pair_torque[s] = get(lanes, "torque_l", i, self.spin_size)
+                g.torque[k] = g.torque[k] - get(lanes, "torque_k", i, self.spin_size)
+            if ti.static(pairs.history_size > 0):
+                pairs.history[s] = get(lanes, "memory", i, pairs.history_size)
+            if ti.static(self.ledger and self.book_count > 0):
+                g.dissipated[k] = g.dissipated[k] + ti.cast(get(lanes, "lost", i, self.book_count), ti.f64)
+            status = lanes.status[i]
+            if ti.static(self.onset):
+                status += self.correct(lanes, i, s, k, dt)
+            pairs.status[s] = status
+
+    @ti.func
+    def correct(self, lanes: ti.template(), i, s, k, dt):
+        """Store the impulse if the contact in lane i began, ended or crossed a seam in this step: KICKED, else 0."""
+        pairs = self.pairs
+        was, touching = lanes.was[i] & TOUCHING, lanes.status[i] & TOUCHING
+        result = 0
+        if touching != was:
+            n, depth, d, arm_k = self.met_again(lanes, i, s, k)
+            l = pairs.partner[s]
+            size = self.correction.end_kick(k, l, s, d, touching, depth, n, arm_k, arm_k - d, dt)
+            if size != 0.0:
+                kick = size * n
+                self.store_kick(s, k, kick, -torque_of(arm_k, kick), torque_of(arm_k - d, kick))
+                result = KICKED
+        if ti.static(self.seams):
+            before, now = ti.Vector([lanes.feature_k[i], lanes.feature_l[i]]), pairs.feature[s]
+            if (now[0] != before[0] or now[1] != before[1]) and was == 1 and touching == 1:
+                n, depth, d, arm_k = self.met_again(lanes, i, s, k)
+                last_n = 0.0 * n
+                if ti.static(self.remembers_normal):
+                    last_n = get(lanes, "last_normal", i, self.dim)
+                l = pairs.partner[s]
+                kick, twist_k, twist_l = self.correction.seam_kick(k, l, s, d, before, last_n, depth, n, arm_k, dt)
+                self.store_kick(s, k, kick, twist_k, twist_l)
+                result = KICKED
+        return result
+
+    @ti.func
+    def met_again(self, lanes: ti.template(), i, s, k):
+        """(normal, depth [m], vector between the centres [m], arm of grain k [m]) of the contact in lane i."""
+        n, depth = get(lanes, "normal", i, self.dim), lanes.depth[i]
+        d = self.geometry.shortest(k, self.pairs.partner[s])
+        arm_k = (self.grains.radius[k] - 0.5 * depth) * n
+        if ti.static(self.shaped):
+            arm_k = get(lanes, "arm_k", i, self.dim)
+        return n, depth, d, arm_k
+
+    @ti.func
+    def store_kick(self, s, k, kick, twist_k, twist_l):
+        """Impulse on the second grain of slot s [N s] and angular impulses on both [N m s]."""
+        g, pairs = self.grains, self.pairs
+        pairs.pair_kick[s] = kick
+        g.kick[k] = g.kick[k] - kick
+        if ti.static(self.rotates):
+            pairs.pair_twist[s] = twist_l
+            g.twist[k] = g.twist[k] + twist_k
 
     @ti.func
     def gathered(self, k):

@@ -3,14 +3,19 @@
 Verlet's half kicks are merged: velocities live half a step before positions. One step is: platens, then all grains
 (gather the force, kick, drift), then all contacts at the new positions. It ends with positions, contact forces and
 histories at the same time t; `diagnostics` synchronises velocities to t.
-The serial path (many steps per launch) and the parallel path give the same bits.
+Many steps are made in one launch, by a crew of threads that share its stages; any number of them gives the same bits.
 """
 
+from .crew import SPREAD, Crew
 from .rotation import free_rotor, linear_turn, momentum_of, spin_of, turned, unrotate
-from .runtime import ti, when_allocated
+from .runtime import current, ti, when_allocated
 
 TURN_MARGIN = 1.01  # the spin is a mean over the step; the turn may be a little more
-SERIAL_LIMIT = 4000  # grains; below, waking threads costs more than they save
+STAGES = 3  # of a step: platens, drift, contacts
+MOST_STEPS = 512  # of a launch
+LAST_STAGE = STAGES * (MOST_STEPS + 1)
+GRAIN_STEPS = 4_000_000  # of a launch: short enough to answer a signal at once
+OFFLOADED_STEPS = 8  # launched before the flags are read
 
 
 @ti.data_oriented
@@ -24,13 +29,14 @@ class VelocityVerlet:
     onset = False  # add impulses where contacts begin and end
     half_step = True  # velocities belong half a step before positions
 
-    def __init__(self, forces, platens, skin, dt):
-        self.forces, self.platens = forces, platens
+    def __init__(self, forces, platens, skin, dt, threads=1):
+        self.forces, self.platens, self.crew = forces, platens, Crew(threads, LAST_STAGE + 1)
         self.grains = forces.grains
         self.driven = platens is not None
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.tumbles = self.grains.has("angular_momentum")
         self.shaped = self.grains.has("travel")
+        self.offloaded, self.serial = current().arch != "cpu", current().serial
         self.dt = ti.field(ti.f64, ())
         self.half_skin = ti.field(ti.f64, ())
         self.moved = ti.field(ti.i32, ())
@@ -44,25 +50,25 @@ class VelocityVerlet:
         self.half_skin[None] = 0.5 * skin
 
     @ti.func
-    def advance(self, k):
+    def advance(self, k, step):
         """Kick and drift of grain k, Eqs. (12)-(18)."""
         g, dt = self.grains, self.dt[None]
         before = g.position[k]
         self.keep_velocity(k)
         if g.platen[k] < 0:
             force, torque, kick, twist = self.forces.gathered(k)
-            g.velocity[k] += (force * dt + kick) * g.inverse_mass[k]
-            g.position[k] += g.velocity[k] * dt
+            g.velocity[k] = g.velocity[k] + (force * dt + kick) * g.inverse_mass[k]
+            g.position[k] = g.position[k] + g.velocity[k] * dt
             if ti.static(self.tumbles):
                 self.tumble(k, torque * dt + twist, dt)
             else:
                 if ti.static(self.rotates):
-                    g.spin[k] += (torque * dt + twist) * g.inverse_inertia[k]
+                    g.spin[k] = g.spin[k] + (torque * dt + twist) * g.inverse_inertia[k]
                 if ti.static(self.oriented):
                     g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
-        self.watch(k, before)
+        self.watch(k, before, step)
 
     @ti.func
     def keep_velocity(self, k):
@@ -89,16 +95,17 @@ class VelocityVerlet:
         g.spin[k] = 0.5 * (spin_of(before, momentum, inverse) + spin_of(after, momentum, inverse))
 
     @ti.func
-    def watch(self, k, before):
+    def watch(self, k, before, step):
         """Ask for a new neighbour list when grain k has moved by half the skin, or a part of it may have.
 
-        before: its position [m] at the start of the step, from which the way of its surface follows.
+        before: its position [m] at the start of the step, from which the way of its surface follows; step: number of
+        the step in the launch, kept in `moved` plus one.
         """
         g = self.grains
         if ti.static(self.shaped):
-            g.travel[k] += (g.position[k] - before).norm() + TURN_MARGIN * g.spin[k].norm() * self.dt[None] * g.radius[
-                k
-            ]
+            fastest = ti.abs(g.spin[k][0]) if ti.static(g.dim == 2) else g.spin[k].norm()
+            turning = TURN_MARGIN * fastest * self.dt[None] * g.radius[k]
+            g.travel[k] = g.travel[k] + (g.position[k] - before).norm() + turning
         way = g.position[k] - g.built_position[k]
         limit = self.half_skin[None]
         if ti.static(
@@ -107,7 +114,7 @@ class VelocityVerlet:
             turn = (g.orientation[k] - g.built_orientation[k]).norm()
             limit -= ti.static(1.0 if self.grains.dim == 2 else 2.0) * turn * g.radius[k]
         if not (limit > 0.0 and way.dot(way) < limit * limit):  # also true for a position that is not a number
-            self.moved[None] = 1
+            self.moved[None] = 1 + step
 
     @ti.func
     def synchronised(self, k):
@@ -149,85 +156,110 @@ class VelocityVerlet:
             result = unrotate(self.grains.orientation[k], a)
         return result
 
-    @ti.func
-    def begin_step(self):
-        if ti.static(self.driven):
-            self.platens.kick(self.dt[None])
-
-    @ti.func
-    def close_drift(self):
-        if self.moved[None] == 1:
-            self.halted[None] = 1
-        else:
-            self.steps_done[None] += 1
-
-    @ti.func
-    def close_step(self):
-        if ti.static(self.driven):
-            self.platens.gather(self.forces, self.dt[None])
-
     @ti.kernel
-    def steps_serial(self, steps: ti.i32, resume: ti.i32, contact_dt: ti.f64):
-        """Up to `steps` steps in the calling thread; stops early if the list must be rebuilt.
+    def steps(self, count: ti.i32, resume: ti.i32, contact_dt: ti.f64):
+        """Up to `count` steps; stops early if the list must be rebuilt.
 
         resume: the first step has drifted already and only lacks its contacts, whose step is contact_dt [s]: after a
         rebuild, or (contact_dt = 0) at the start of a run. One body serves both, for it takes long to compile.
         """
-        if resume == 1:
-            self.moved[None] = 0
-            self.halted[None] = 0
-        ti.loop_config(serialize=True)
-        for step in range(steps):
-            resumed = resume == 1 and step == 0
-            if self.halted[None] == 0:
-                dt = self.dt[None]
-                if resumed:
-                    dt = contact_dt
-                else:
-                    self.begin_step()
-                    for k in range(self.grains.count[None]):
-                        self.advance(k)
-                    self.close_drift()
-                if self.halted[None] == 0:
-                    for k in range(self.grains.count[None]):
-                        self.forces.row(k, dt)
-                    self.close_step()
+        self.crew.begin(self.grains.count[None], self.forces.pairs.row_start)
+        self.moved[None] = 0
+        ti.loop_config(serialize=self.crew.size == 1)
+        for i in range(self.crew.size * SPREAD):
+            if i % SPREAD == 0:
+                self.work(i // SPREAD, count, resume, contact_dt)
+
+    @ti.func
+    def work(self, t, count, resume, contact_dt):
+        """What thread t does in a launch, see `steps`."""
+        lanes = self.forces.lanes(0)
+        step, going = 0, 1
+        while step <= count and going == 1:
+            stage = STAGES * step  # a thread that slept through a step must not mistake one stage for another
+            if ti.static(self.driven):
+                if self.crew.alone(stage):
+                    if step > 0:
+                        self.platens.gather(self.forces, self.dt[None])
+                    if step < count and step >= resume:
+                        self.platens.kick(self.dt[None])
+                    self.crew.alone_done(t, stage)
+                self.crew.wait(t, stage)
+            if step < count:
+                dt = contact_dt
+                if step >= resume:
+                    dt = self.dt[None]
+                    part = self.crew.take(t, stage + 1)
+                    while part >= 0:
+                        for k in range(self.crew.first[part], self.crew.first[part + 1]):
+                            self.advance(k, step)
+                        part = self.crew.hand_in(t, stage + 1)
+                    self.crew.wait(t, stage + 1)
+                    going = ti.cast(self.moved[None] != 1 + step, ti.i32)  # others may have gone on, and moved later
+                if going == 1:
+                    part = self.crew.take(t, stage + 2)
+                    while part >= 0:
+                        self.forces.rows(lanes, self.crew.first[part], self.crew.first[part + 1], dt)
+                        part = self.crew.hand_in(t, stage + 2)
+                    self.crew.wait(t, stage + 2)
+            step += going
+        if self.crew.alone(LAST_STAGE):
+            self.halted[None] = 1 - going
+            self.steps_done[None] = ti.min(step, count) - resume
 
     @ti.kernel
-    def step_parallel(self):
-        """One step over all threads; does nothing if the list must be rebuilt."""
+    def step_offloaded(self):
+        """One step with a thread per grain, for a GPU; does nothing if the list must be rebuilt."""
         if self.halted[None] == 0:
-            self.begin_step()
+            if ti.static(self.driven):
+                self.platens.kick(self.dt[None])
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
-                self.advance(k)
+                self.advance(k, 0)
         if self.halted[None] == 0:
-            self.close_drift()
+            if self.moved[None] == 1:
+                self.halted[None] = 1
+            else:
+                self.steps_done[None] += 1
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
-                self.forces.row(k, self.dt[None])
-        if self.halted[None] == 0:
-            self.close_step()
+                lanes = self.forces.lanes(0)
+                self.forces.rows(lanes, k, k + 1, self.dt[None])
+        if ti.static(self.driven):
+            if self.halted[None] == 0:
+                self.platens.gather(self.forces, self.dt[None])
 
     @ti.kernel
-    def contacts_parallel(self, dt: ti.f64):
-        """Contacts at the present positions over all threads: see `contacts_only`."""
+    def contacts_offloaded(self, dt: ti.f64):
+        """Contacts at the present positions with a thread per grain: see `contacts_only`."""
         for k in range(self.grains.count[None]):
-            self.forces.row(k, dt)
+            lanes = self.forces.lanes(0)
+            self.forces.rows(lanes, k, k + 1, dt)
         self.moved[None] = 0
         self.halted[None] = 0
-        self.close_step()
+        if ti.static(self.driven):
+            self.platens.gather(self.forces, self.dt[None])
 
-    def contacts_only(self, dt, parallel):
-        """Contacts at the present positions: ends a step that waited for a rebuild, or (dt = 0) starts a run."""
-        if parallel:
-            self.contacts_parallel(dt)
+    def launch(self, count):
+        """Make up to `count` steps, fewer if the list must be rebuilt or a launch would take long."""
+        if self.offloaded:
+            for _ in range(min(count, OFFLOADED_STEPS)):
+                self.step_offloaded()
         else:
-            self.steps_serial(1, 1, dt)
+            most = max(1, min(MOST_STEPS, GRAIN_STEPS // len(self.grains)))
+            self.steps(min(count, most), 0, 0.0)
+
+    def contacts_only(self, dt):
+        """Contacts at the present positions: ends a step that waited for a rebuild, or (dt = 0) starts a run."""
+        if self.offloaded:
+            self.contacts_offloaded(dt)
+        else:
+            self.steps(1, 1, dt)
 
     @ti.kernel
     def shift_velocities(self):
         """Move the velocities of the start half a step back, before the positions."""
+        ti.loop_config(serialize=self.serial)
         for k in range(self.grains.count[None]):
             g = self.grains
             if ti.static(self.tumbles):
@@ -236,11 +268,11 @@ class VelocityVerlet:
                 if g.platen[k] < 0:
                     h = -0.5 * self.dt[None]
                     force, torque, kick, twist = self.forces.gathered(k)
-                    g.velocity[k] += force * (g.inverse_mass[k] * h)
+                    g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * h)
                     if ti.static(self.tumbles):
-                        g.angular_momentum[k] += torque * h
+                        g.angular_momentum[k] = g.angular_momentum[k] + torque * h
                     elif ti.static(self.rotates):
-                        g.spin[k] += torque * (g.inverse_inertia[k] * h)
+                        g.spin[k] = g.spin[k] + torque * (g.inverse_inertia[k] * h)
             self.keep_velocity(k)
 
 
@@ -277,20 +309,20 @@ class ExplicitEuler(VelocityVerlet):
     half_step = False
 
     @ti.func
-    def advance(self, k):
+    def advance(self, k, step):
         g, dt = self.grains, self.dt[None]
         before = g.position[k]
         if g.platen[k] < 0:
             force, torque, kick, twist = self.forces.gathered(k)
-            g.position[k] += g.velocity[k] * dt
-            g.velocity[k] += force * (g.inverse_mass[k] * dt)
+            g.position[k] = g.position[k] + g.velocity[k] * dt
+            g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * dt)
             if ti.static(self.oriented):
-                g.orientation[k] += linear_turn(g.orientation[k], g.spin[k] * dt)
+                g.orientation[k] = g.orientation[k] + linear_turn(g.orientation[k], g.spin[k] * dt)
             if ti.static(self.tumbles):
-                g.angular_momentum[k] += torque * dt
+                g.angular_momentum[k] = g.angular_momentum[k] + torque * dt
                 g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
             elif ti.static(self.rotates):
-                g.spin[k] += torque * (g.inverse_inertia[k] * dt)
+                g.spin[k] = g.spin[k] + torque * (g.inverse_inertia[k] * dt)
         elif ti.static(self.driven):
             self.platens.carry(k, dt)
-        self.watch(k, before)
+        self.watch(k, before, step)

@@ -109,6 +109,10 @@ class ShearedLayer:
 
     def sample(self):
         """Measure the state now and add it to the present row."""
+        with self.sim.clock("diagnostics"):
+            self._sample()
+
+    def _sample(self):
         sim = self.sim
         self._platens = platens = sim.platens.snapshot()
         bottom, top = (self.plane[p] + platens["displacement"][p, 1] for p in (0, 1))

@@ -43,11 +43,16 @@ class LayerRecorder:
     def row(self, stage):
         """Append a row to run.nc and return it."""
         row = self.layer.row(stage)
-        self.run.append(row)
+        with self.sim.clock("output"):
+            self.run.append(row)
         return row
 
     def snapshot(self):
         """Append all grains to grains.nc."""
+        with self.sim.clock("output"):
+            self._snapshot()
+
+    def _snapshot(self):
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
         if self.sim.rotates:

@@ -47,7 +47,7 @@ def unrotate(turn, a):
 def half_tangent(angle):
     """tan(angle/2)/angle as a series, relative error below 1e-8 for |angle| < 0.5 and 1e-5 for |angle| < 1."""
     h2 = 0.25 * angle * angle
-    return 0.5 * (1.0 + h2 * (1.0 / 3.0 + h2 * (2.0 / 15.0 + h2 * (17.0 / 315.0 + h2 * 62.0 / 2835.0))))
+    return 0.5 * (1.0 + h2 * (1.0 / 3.0 + h2 * (2.0 / 15.0 + h2 * (17.0 / 315.0 + h2 * (62.0 / 2835.0)))))
 
 
 @ti.func

@@ -26,6 +26,11 @@ class Runtime:
     threads: int
 
     @property
+    def serial(self):
+        """Should kernels run in the calling thread? Handing a loop to a pool of one thread costs 20 to 150 us."""
+        return self.arch == "cpu" and self.threads == 1
+
+    @property
     def real(self):
         """Taichi type of contact geometry, forces and history; positions, velocities and sums are always f64."""
         return ti.f64 if self.precision == "f64" else ti.f32
@@ -52,6 +57,7 @@ def start(arch="cpu", precision="f64", threads=1) -> Runtime:
                 arch=ti.cpu if arch == "cpu" else ti.gpu,
                 default_fp=wanted.real,
                 cpu_max_num_threads=wanted.threads,
+                cfg_optimization=False,
                 fast_math=False,  # it reorders sums: results would depend on the compiler, not on the equations
                 log_level=ti.ERROR,  # clearing sparse nodes warns about index types inside Taichi itself
             )

@@ -69,8 +69,8 @@ class ShadowEnergy:
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                 if pairs.status[s] & TOUCHING:
                     l = pairs.partner[s]
-                    d = self.forces.shortest(k, l)
-                    depth, n, arm_k, arm_l = self.forces.overlap(k, l, s, d, 1)
+                    d = self.forces.geometry.shortest(k, l)
+                    depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 1)
                     # a contact that begins or ends within the flight counts as if it went on: U'' jumps there
                     contact = self.forces.contact_of(k, l, ti.abs(depth), n, arm_k, arm_l, 0.0)
                     for law in ti.static(self.forces.springs):

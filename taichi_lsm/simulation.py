@@ -1,5 +1,7 @@
 """A scene as plain data, and the simulation that runs it."""
 
+import time
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,19 +17,16 @@ from .drives import Platens
 from .effects import Bodies, Effect
 from .errors import InputError, SimulationError
 from .forces import ContactForces
-from .integrators import SERIAL_LIMIT, OnsetVerlet
+from .integrators import OnsetVerlet
 from .runtime import allocating, start, when_allocated
 from .state import Grains, grain_variables, spin_size, turn_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
-PAIRS_PER_GRAIN = {
-    2: 4,
-    3: 6,
-}  # capacity at the start: what a dense packing needs, so that a loose one may settle
+PAIRS_PER_GRAIN = {2: 2.8, 3: 4.2}  # capacity at the start: what a dense packing of discs or spheres needs
+SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
-SERIAL_LAUNCH = 512  # steps per launch in the serial path: short enough to answer a signal at once
-PARALLEL_LAUNCH = 8  # steps launched before the flags are read in the parallel path
+SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
 
 @dataclass
@@ -41,7 +40,8 @@ class Scene:
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
-    ledger: book the energy dissipated by each effect; parallel: force (True) or forbid (False) the parallel path.
+    ledger: book the energy dissipated by each effect; parallel: share the grains among all threads
+    (True) or not (False); default: if there are many.
     """
 
     dim: int
@@ -214,9 +214,11 @@ class Simulation:
         self.scene = scene
         self.step = 0
         self.rebuilds = 0
+        self.launches = 0
+        self.seconds = {}  # by what the run was doing
         n = len(scene.position)
-        several = n > SERIAL_LIMIT and self.runtime.threads > 1
-        self.parallel = several if scene.parallel is None else scene.parallel
+        together = n > SERIAL_LIMIT if scene.parallel is None else scene.parallel
+        self.crew = self.runtime.threads if together else 1
         self.skin = scene.skin
         stable = scene.stable_dt() if scene.dt is None else None
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
@@ -244,7 +246,8 @@ class Simulation:
             self.search = NeighbourSearch(self.grains, self.domain, self.skin, self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
-        room = max(int(1.2 * wanted), PAIRS_PER_GRAIN[scene.dim] * n)
+        dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0)
+        room = int(max(1.15 * wanted, dense))
         with allocating():
             self._compose(Pairs(scene.dim, capacity, room, self.rotates, kind, self.history, onset, several))
         self.neighbours.write()
@@ -252,7 +255,7 @@ class Simulation:
 
     def _begin(self):
         """First evaluation of the contacts, then velocities half a step back."""
-        self.integrator.contacts_only(0.0, self.parallel)
+        self.integrator.contacts_only(0.0)
         self.integrator.shift_velocities()
         self.faults.raise_any(self.step)
 
@@ -312,7 +315,7 @@ class Simulation:
         self.forces = ContactForces(
             self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults
         )
-        self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt)
+        self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
         self.measure = Measure(self.forces, self.integrator)
 
     @property
@@ -328,26 +331,32 @@ class Simulation:
     def __len__(self):
         return len(self.grains)
 
+    @contextmanager
+    def clock(self, name):
+        """Add the wall-clock time of the block to `seconds[name]` [s]."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+
     def run(self, steps):
         """Advance by an integer number of steps. Raises SimulationError naming the step, the grains and the cause."""
         target = self.step + int(steps)
         while self.step < target:
-            self._launch(target - self.step)
+            with self.clock("steps"):
+                self.integrator.launch(target - self.step)
+            self.launches += 1
             self.step += self.integrator.steps_done[None]
             self.integrator.steps_done[None] = 0
             self.faults.raise_any(self.step)
             if self.integrator.halted[None]:
-                self._rebuild()
-                self.integrator.contacts_only(self._dt, self.parallel)
+                with self.clock("neighbour list"):
+                    self._rebuild()
+                with self.clock("steps"):
+                    self.integrator.contacts_only(self._dt)
                 self.step += 1
                 self.faults.raise_any(self.step)
-
-    def _launch(self, steps):
-        if self.parallel:
-            for _ in range(min(steps, PARALLEL_LAUNCH)):
-                self.integrator.step_parallel()
-        else:
-            self.integrator.steps_serial(min(steps, SERIAL_LAUNCH), 0, 0.0)
 
     def _rebuild(self):
         try:

@@ -8,6 +8,8 @@ from .errors import InputError
 from .runtime import current, ti, when_allocated
 from .schema import Variable
 
+NUMPY_TYPES = {ti.f64: np.float64, ti.f32: np.float32, ti.i32: np.int32}
+
 
 def spin_size(dim):
     """Components of an angular velocity: one in 2D, three in 3D."""
@@ -124,7 +126,14 @@ class Grains:
 
     def _begin(self, count):
         self.count[None] = count
-        self.set_order(np.arange(count))
+        self.slots = np.arange(count)  # of each id: what slot_of holds
+        self.number_slots()
+
+    @ti.kernel
+    def number_slots(self):
+        ti.loop_config(serialize=True)
+        for k in range(self.slot_of.shape[0]):
+            self.id[k] = self.slot_of[k] = self.previous_slot[k] = k
 
     def __len__(self):
         return int(self.count[None])
@@ -133,18 +142,16 @@ class Grains:
         """Does this scene carry the state row `name`?"""
         return name in self.variables
 
-    def _slots(self):
-        return self.slot_of.to_numpy()[: len(self)]
-
     def column(self, name):
         """State row `name` as a NumPy array (grain, ...), ordered by persistent id."""
-        return getattr(self, name).to_numpy()[self._slots()]
+        return getattr(self, name).to_numpy()[self.slots]
 
     def set_column(self, name, values):
         """Write a state row given in the order of persistent ids."""
         field = getattr(self, name)
-        raw = field.to_numpy()
-        raw[self._slots()] = values
+        width = (field.n,) if isinstance(field, ti.MatrixField) else ()
+        raw = np.zeros((self.slot_of.shape[0], *width), NUMPY_TYPES[field.dtype])
+        raw[self.slots] = values
         field.from_numpy(raw)
 
     def set_order(self, id_of_slot):
@@ -154,6 +161,7 @@ class Grains:
         padded[:count] = id_of_slot
         self.id.from_numpy(padded)
         padded[id_of_slot] = np.arange(count)
+        self.slots = padded[:count].copy()
         self.slot_of.from_numpy(padded)
         self.previous_slot.from_numpy(np.arange(capacity, dtype=np.int32))
 

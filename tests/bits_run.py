@@ -1,6 +1,6 @@
 """Runs a sheared layer of discs in a process of its own and writes its state: started by test_bits.py.
 
-Usage: python bits_run.py FILE STEPS THREADS PATH SKIN, PATH serial | parallel, SKIN in diameters.
+Usage: python bits_run.py FILE STEPS THREADS PATH SKIN WIDTH, PATH alone | shared, SKIN in diameters, WIDTH of a block.
 """
 
 import hashlib
@@ -10,6 +10,7 @@ import sys
 import numpy as np
 
 import taichi_lsm as lsm
+from taichi_lsm.contact import lanes
 
 COLUMNS, ROWS = 100, 50
 
@@ -60,9 +61,10 @@ def touching_contacts(sim):
     return np.stack([first[order], second[order]], axis=1), force, history
 
 
-def main(file, steps, threads, path, skin):
+def main(file, steps, threads, path, skin, width):
     """Run and write {"rebuilds", "digest": {quantity: SHA-256}, ...} as JSON."""
-    sim = lsm.Simulation(layer(path == "parallel", float(skin)), threads=int(threads))
+    lanes.WIDTH = int(width)
+    sim = lsm.Simulation(layer(path == "shared", float(skin)), threads=int(threads))
     sim.run(int(steps))
     # built_position alone depends on when the list was built
     names = sorted(set(sim.grains.variables) - {"built_position"})

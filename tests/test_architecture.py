@@ -18,14 +18,15 @@ MODULES = {
 }
 # Lower layers first; a module may import its own layer and those before it.
 LAYERS = [
-    {"errors", "atomic_file", "paths", "schema", "runtime", "rotation"},
+    {"errors", "atomic_file", "paths", "schema", "runtime", "rotation", "crew"},
     {"domain", "shapes"},
     {"state", "packing"},
     {"effects", "contact"},
+    {"onset"},
     {"forces"},
     {"integrators", "drives", "diagnostics", "analysis", "output", "output_grains", "output_rows", "checkpoint"},
     {"simulation", "energy_file"},
-    {"layer", "shadow"},
+    {"layer", "shadow", "profiling"},
     {"recording"},
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}

@@ -1,4 +1,4 @@
-"""Same scene, same bits: whatever the threads, the serial or parallel path, the skin of the list, or the day."""
+"""Same scene, same bits: whatever the threads, the skin of the list, the pairs of a block, or the day."""
 
 import json
 import os
@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-RUNS = {
-    "one thread, serial": (1, "serial", 0.1),
-    "two threads, parallel": (2, "parallel", 0.1),
-    "one thread, parallel, other skin": (1, "parallel", 0.2),
-    "two threads, parallel, again": (2, "parallel", 0.1),
+RUNS = {  # threads, shared work or not, skin, pairs of a block
+    "one thread": (1, "alone", 0.1, 32),
+    "two threads": (2, "shared", 0.1, 32),
+    "one thread, other skin and blocks": (1, "shared", 0.2, 4),
+    "two threads, again": (2, "shared", 0.1, 32),
 }
 
 
-def run(folder, steps, threads, path, skin):
+def run(folder, steps, threads, path, skin, width):
     """Summary of a run of tests/bits_run.py in a process of its own."""
     file = folder / f"{threads}-{path}-{skin}.json"
     command = [
@@ -28,6 +28,7 @@ def run(folder, steps, threads, path, skin):
         str(threads),
         path,
         str(skin),
+        str(width),
     ]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -37,10 +38,10 @@ def run(folder, steps, threads, path, skin):
 
 def check(folder, steps):
     results = {name: run(folder, steps, *settings) for name, settings in RUNS.items()}
-    reference = results["one thread, serial"]
+    reference = results["one thread"]
     assert reference["grains"] >= 5000 and reference["finite"]
     assert reference["rebuilds"] > 10 and reference["sliding"] > 100
-    assert results["one thread, parallel, other skin"]["rebuilds"] < 0.8 * reference["rebuilds"]
+    assert results["one thread, other skin and blocks"]["rebuilds"] < 0.8 * reference["rebuilds"]
     for name, result in results.items():
         different = [column for column, value in reference["digest"].items() if result["digest"][column] != value]
         assert not different, f"{name}: {different}"

@@ -17,7 +17,7 @@ from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
 
-SAMPLES_PER_ROW = 10
+SAMPLES_PER_ROW = 5  # a sample costs as much as a dozen steps
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
 SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
@@ -58,6 +58,7 @@ class Params(BaseParams):
     strain: float = Field(5.0, gt=0, description="shear strain to reach [1]")
     steady_from: float = Field(1.0, ge=0, description="strain from which the steady state is averaged [1]")
     rows_per_strain: int = Field(100, ge=10, description="rows of run.nc per unit of shear strain [1]")
+    profile: bool = Field(False, description="print where the time of the run went")
     step_safety: float = Field(0.4, gt=0, le=0.8, description="time step over the largest stable one [1]")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -260,6 +261,8 @@ def simulate(scene, params, out, progress=None):
         began_shear, step = time.perf_counter(), sim.step
         shear(sim, layer, recorder, params, report)
         rate = (sim.step - step) * len(sim) / (time.perf_counter() - began_shear)
+    if params.profile:
+        print(lsm.profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
     figures = analyse(dataset, params)
     figures["grain_steps_per_second"] = Figure(rate, "s-1")

@@ -8,6 +8,7 @@ from .cells import SparseGrid
 from .pairs import PART_BASE, Pairs
 
 SORT_INTERVAL = 20  # rebuilds between two re-sortings of the grains along the cells
+SORT_LEAST = 4000  # grains; fewer lie in the cache in any order
 ROOM = 16  # partners that are noted while they are counted; longer rows are searched twice
 
 
@@ -19,7 +20,7 @@ class NeighbourSearch:
         self.grains = grains
         self.domain = domain
         self.parts, self.several = parts, parts is not None
-        self.real = current().real
+        self.real, self.serial = current().real, current().serial
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
@@ -53,12 +54,14 @@ class NeighbourSearch:
         return near
 
     @ti.func
-    def search(self, k):
-        """Note the partners of grain k in `found`, as many as there is room for; returns how many there are."""
+    def search(self, k, lists, number):
+        """Note the partners of grain k in `found`, as many as there is room for; returns how many there are.
+
+        lists: first grains of the `number` cells in and around its own.
+        """
         count = 0
-        c = self.grid.number[k]
-        for i in range(self.grid.lists[c]):
-            l = self.grid.around[c * self.grid.places + i]
+        for i in range(number):
+            l = lists[i]
             while l > 0:
                 self.found[k * ROOM + ti.min(count, ROOM - 1)] = l - 1
                 count += self.listed(k, l - 1)
@@ -73,9 +76,9 @@ class NeighbourSearch:
             for i in range(self.found_count[k]):
                 pairs += self.add(k, self.found[k * ROOM + i], s, pairs, p, fill)
         else:
-            c = self.grid.number[k]
-            for i in range(self.grid.lists[c]):
-                l = self.grid.around[c * self.grid.places + i]
+            lists, number = self.grid.around(self.grid.number[k])
+            for i in range(number):
+                l = lists[i]
                 while l > 0:
                     if self.listed(k, l - 1):
                         pairs += self.add(k, l - 1, s, pairs, p, fill)
@@ -123,20 +126,27 @@ class NeighbourSearch:
             p.part_code[at] = code
 
     @ti.kernel
-    def count_partners(self):
-        for k in range(self.grains.count[None]):
-            if ti.math.isnan(self.grains.position[k].sum()):
-                self.trouble[0] = self.grains.id[k] + 1
-            self.found_count[k] = self.search(k)
-            self.row_count[k] = self.visit(k, 0, 0, False) if ti.static(self.several) else self.found_count[k]
-
-    @ti.kernel
-    def total(self) -> ti.i32:
-        result = 0
+    def count_partners(self) -> ti.i32:
+        """Number of pairs to be listed, or -1 if there is trouble."""
+        self.trouble[0] = 0
+        self.trouble[1] = 0
+        ti.loop_config(serialize=self.serial)
+        for c in range(self.grid.occupied[None]):
+            lists, number = self.grid.around(c)
+            k = self.grid.head[self.grid.home(c)] - 1
+            while k >= 0:
+                if ti.math.isnan(self.grains.position[k].sum()):
+                    self.trouble[0] = self.grains.id[k] + 1
+                self.found_count[k] = self.search(k, lists, number)
+                self.row_count[k] = self.visit(k, 0, 0, False) if ti.static(self.several) else self.found_count[k]
+                k = self.grid.next[k] - 1
+        total = 0
         ti.loop_config(serialize=True)
         for k in range(self.grains.count[None]):
-            result += self.row_count[k]
-        return result
+            total += self.row_count[k]
+        if self.trouble[0] + self.trouble[1] > 0:
+            total = -1
+        return total
 
     def sort_grains(self):
         """Order the slots along the cells, so that neighbours in space are neighbours in memory."""
@@ -152,18 +162,17 @@ class NeighbourSearch:
 
     def count(self):
         """Number of pairs to be listed. Raises SimulationError if a grain is lost or the layer is gone."""
-        if self.searches % SORT_INTERVAL == 0:
+        if len(self.grains) >= SORT_LEAST and self.searches % SORT_INTERVAL == 0:
             self.sort_grains()
         self.searches += 1
         self.grid.fill(self.grains.position, self.grains.count)
-        self.trouble.fill(0)
-        self.count_partners()
-        nowhere, crushed = self.trouble.to_numpy()
-        if nowhere:
-            raise SimulationError(f"grain {nowhere - 1}: its position is not a number")
-        if crushed:
+        total = self.count_partners()
+        if total < 0:
+            nowhere, crushed = self.trouble.to_numpy()
+            if nowhere:
+                raise SimulationError(f"grain {nowhere - 1}: its position is not a number")
             raise SimulationError(f"grain {crushed - 1} of one platen touches the other platen: no layer is left")
-        return self.total()
+        return total
 
 
 @ti.data_oriented
@@ -176,16 +185,14 @@ class NeighbourList:
 
     def __init__(self, search, pairs):
         self.search, self.pairs, self.grains = search, pairs, search.grains
-
-    def write(self):
-        """Write the list for the positions that the search has just counted."""
-        self.write_rows()
-        self.transpose()
+        self.serial = search.serial
 
     @ti.kernel
-    def write_rows(self):
+    def write(self):
+        """Write the list for the positions that the search has just counted."""
         g, p = self.grains, self.pairs
         n = g.count[None]
+        ti.loop_config(serialize=self.serial)
         for k in range(n):
             for s in range(p.row_start[k], p.row_start[k + 1]):
                 p.keep(s)
@@ -195,6 +202,7 @@ class NeighbourList:
         ti.loop_config(serialize=True)
         for k in range(n):
             p.row_start[k + 1] = p.row_start[k] + self.search.row_count[k]
+        ti.loop_config(serialize=self.serial)
         for k in range(n):
             first = p.row_start[k]
             self.search.visit(k, first, p, True)
@@ -205,6 +213,7 @@ class NeighbourList:
             o = p.old_start[old]
             end = p.old_start[old + 1]
             for s in range(first, p.row_start[k + 1]):  # both rows rise in partner id and part: a merge
+                p.first[s] = k
                 order = -1
                 while o < end and order < 0:
                     order = p.rank(o, s)
@@ -215,28 +224,35 @@ class NeighbourList:
                     match = o
                 p.restore(s, match)
             g.previous_slot[k] = k
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.transpose()
 
     @ti.kernel
+    def transpose_only(self):
+        """Write the transpose of rows that are there already."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.transpose()
+
+    @ti.func
     def transpose(self):
         g, p = self.grains, self.pairs
         n = g.count[None]
-        ti.loop_config(serialize=True)
         for k in range(n + 1):
             p.cursor[k] = 0
-        ti.loop_config(serialize=True)
         for s in range(p.row_start[n]):
-            p.cursor[p.partner[s]] += 1
-        ti.loop_config(serialize=True)
+            l = p.partner[s]
+            p.cursor[l] = p.cursor[l] + 1
         for k in range(n):
             p.column_start[k + 1] = p.column_start[k] + p.cursor[k]
             p.cursor[k] = p.column_start[k]
-        ti.loop_config(serialize=True)
         for i in range(n):  # rows in rising id, so that each column rises in the id of the first grain
             k = g.slot_of[i]
             for s in range(p.row_start[k], p.row_start[k + 1]):
                 l = p.partner[s]
                 p.column[p.cursor[l]] = s
-                p.cursor[l] += 1
+                p.cursor[l] = p.cursor[l] + 1
 
 
 def morton_code(cell):

@@ -9,7 +9,10 @@ from ..runtime import ti
 # which costs candidates but loses none, because every candidate's distance is tested.
 LEVELS = {2: (64, 16, 8), 3: (16, 16, 4)}
 
+RELEASE = 500  # fills until the blocks of cells that grains have left are given back
+
 _heads: dict = {}
+_users: dict = {}  # the grid whose grains the sparse tree of each dimension holds
 
 
 def sparse_heads(dim):
@@ -32,22 +35,21 @@ def sparse_heads(dim):
 class SparseGrid:
     """Linked lists of grains per cell; only occupied blocks hold memory, so an empty domain costs nothing.
 
-    Occupied cells are numbered, and each knows the lists of its surroundings: a look into the sparse tree costs
-    more than testing the grains of a cell, and is done once for all of them.
+    Occupied cells are numbered: a look into the sparse tree costs more than testing the grains of a cell, so that the
+    search goes from cell to cell and looks up its surroundings once for all its grains.
     """
 
     def __init__(self, domain, grain_capacity):
         self.domain = domain
         self.dim = domain.dim
+        self.fills = 0
         self.extent = int(np.prod(LEVELS[self.dim]))
         self.head, self.top = sparse_heads(self.dim)
         self.next = ti.field(ti.i32, grain_capacity)
         self.number = ti.field(ti.i32, grain_capacity)  # of the cell of each grain
         self.occupied = ti.field(ti.i32, ())
-        self.owner = ti.field(ti.i32, grain_capacity)  # a grain in each occupied cell
+        self.place = ti.field(ti.i32, grain_capacity * self.dim)  # of each occupied cell in the grid
         self.places = 3**self.dim
-        self.around = ti.field(ti.i32, grain_capacity * self.places)  # slot + 1 of the first grain of each list
-        self.lists = ti.field(ti.i32, grain_capacity)  # that are not empty
         self.cells = ti.field(ti.i32, self.dim)
         self.inverse_width = ti.field(ti.f64, self.dim)
 
@@ -60,8 +62,8 @@ class SparseGrid:
                 length = self.domain.length[axis]
                 cells[axis] = min(max(1, int(length / reach)), self.extent)
                 inverse[axis] = cells[axis] / length
-        self.cells.from_numpy(cells.astype(np.int32))
-        self.inverse_width.from_numpy(inverse)
+        for axis in range(self.dim):  # each `from_numpy` would be a kernel to compile
+            self.cells[axis], self.inverse_width[axis] = int(cells[axis]), inverse[axis]
 
     @ti.func
     def cell_of(self, x):
@@ -84,48 +86,61 @@ class SparseGrid:
         return result
 
     @ti.kernel
-    def insert(self, position: ti.template(), count: ti.template()):
-        self.occupied[None] = 0
+    def sort_in(self, position: ti.template(), count: ti.template()):
         ti.loop_config(serialize=True)
-        for s in range(count[None]):
-            k = count[None] - 1 - s  # backwards, so that each cell lists its grains in rising slots
-            cell = self.cell_of(position[k])
-            first = self.head[cell]
-            c = self.occupied[None]
-            if first > 0:
-                c = self.number[first - 1]
-            else:
-                self.owner[c] = k
-                self.occupied[None] = c + 1
-            self.number[k] = c
-            self.next[k] = first
-            self.head[cell] = k + 1
+        for _ in range(1):
+            for c in range(self.occupied[None]):
+                self.head[self.home(c)] = 0
+            self.occupied[None] = 0
+            for s in range(count[None]):
+                k = count[None] - 1 - s  # backwards, so that each cell lists its grains in rising slots
+                cell = self.cell_of(position[k])
+                first = self.head[cell]
+                c = self.occupied[None]
+                if first > 0:
+                    c = self.number[first - 1]
+                else:
+                    for axis in ti.static(range(self.dim)):
+                        self.place[c * self.dim + axis] = cell[axis]
+                    self.occupied[None] = c + 1
+                self.number[k] = c
+                self.next[k] = first
+                self.head[cell] = k + 1
 
-    @ti.kernel
-    def survey(self, position: ti.template()):
-        for c in range(self.occupied[None]):
-            home = self.cell_of(position[self.owner[c]])
-            found = 0
-            for offset in range(self.places):
-                cell = home
-                skip = 0
-                code = offset
-                for axis in ti.static(range(self.dim)):
-                    step = code % 3 - 1
-                    code = code // 3
-                    # with two cells along a periodic axis the left neighbour is the right one, with one it is home
-                    if step != 0 and self.cells[axis] <= 1 or step < 0 and self.cells[axis] == 2:
-                        skip = 1
-                    cell[axis] = self.wrapped(cell[axis] + step, axis)
-                if skip == 0:
-                    first = self.head[cell]
-                    if first > 0:
-                        self.around[c * self.places + found] = first
-                        found += 1
-            self.lists[c] = found
+    @ti.func
+    def home(self, c):
+        """Where the occupied cell number c lies."""
+        return ti.Vector([self.place[c * self.dim + axis] for axis in range(self.dim)])
+
+    @ti.func
+    def around(self, c):
+        """(slot + 1 of the first grain of each list in and around the occupied cell c that is not empty, how many)."""
+        lists = ti.Vector([0] * self.places)
+        found = 0
+        for offset in range(self.places):
+            cell = self.home(c)
+            skip = 0
+            code = offset
+            for axis in ti.static(range(self.dim)):
+                step = code % 3 - 1
+                code = code // 3
+                # with two cells along a periodic axis the left neighbour is the right one, with one it is home
+                if step != 0 and self.cells[axis] <= 1 or step < 0 and self.cells[axis] == 2:
+                    skip = 1
+                cell[axis] = self.wrapped(cell[axis] + step, axis)
+            if skip == 0:
+                first = self.head[cell]
+                if first > 0:
+                    lists[found] = first
+                    found += 1
+        return lists, found
 
     def fill(self, position, count):
         """Sort all grains into the cells."""
-        self.top.deactivate_all()
-        self.insert(position, count)
-        self.survey(position)
+        user = _users.setdefault(self.dim, self)
+        self.fills += 1
+        if user is not self or self.fills % RELEASE == 0:
+            self.top.deactivate_all()
+            self.occupied[None] = 0
+            _users[self.dim] = self
+        self.sort_in(position, count)

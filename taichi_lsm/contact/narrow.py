@@ -22,7 +22,7 @@ def sphere_overlap(w, r_i, r_j):
     """
     distance = w.norm()
     depth = r_i + r_j - distance
-    return depth, w / distance, r_i - 0.5 * depth
+    return depth, w * (1.0 / distance), r_i - 0.5 * depth
 
 
 @ti.func

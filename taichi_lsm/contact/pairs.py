@@ -19,6 +19,7 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
     """
     shaped = kind in ("chain", "polyhedron")
     rows = [
+        Variable("first", ("contact",), "i32", "1", "slot of the first grain", True),
         Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
         Variable("partner_id", ("contact",), "i32", "1", "persistent number of the second grain", True),
         Variable("status", ("contact",), "i32", "1", "bit 1: touching, 2: sliding, 4: kicked", True),
@@ -33,9 +34,6 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
         if rotates:
             long_name = "angular impulse on the second grain"
             rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
-    if kind == "sphere":
-        long_name = "normal [1] and depth [m] of the near pairs of the row, from its start on"
-        rows.append(Variable("gap", ("contact", "gap"), "real", "1", long_name))
     if shaped:
         rows.append(Variable("feature", ("contact", "two"), "i32", "1", "features that face each other", True))
         long_name = "sum of both grains' travel up to which they cannot touch"
@@ -62,7 +60,7 @@ class Pairs:
         self.several = several
         self.remembers_feature = kind in ("chain", "polyhedron")
         self.remembers_normal = kind == "polyhedron"
-        self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2, "gap": dim + 1}
+        self.sizes = {"space": dim, "spin": spin_size(dim), "history": history, "two": 2}
         self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
@@ -70,7 +68,6 @@ class Pairs:
         self.kept = [v for v in self.variables if v.name in kept]
         self.old = allocate(self.kept, self.capacity, self.sizes)
         self.column = ti.field(ti.i32, self.capacity)
-        self.near = ti.field(ti.i32, self.capacity)
         self.row_start = ti.field(ti.i32, grain_capacity + 1)
         self.column_start = ti.field(ti.i32, grain_capacity + 1)
         self.old_start = ti.field(ti.i32, grain_capacity + 1)
@@ -96,8 +93,8 @@ class Pairs:
         return result
 
     def bytes_per_pair(self):
-        """Memory of one list slot, the copy needed at a rebuild, the transpose and the near pairs included [bytes]."""
-        return bytes_per_row(self.variables, self.sizes) + bytes_per_row(self.kept, self.sizes) + 8
+        """Memory of one list slot, the copy needed at a rebuild and the transpose included [bytes]."""
+        return bytes_per_row(self.variables, self.sizes) + bytes_per_row(self.kept, self.sizes) + 4
 
     @ti.func
     def keep(self, s):

@@ -28,6 +28,7 @@ force, leave its history zero, and book what the history held.
 """
 
 import copy
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,6 +140,7 @@ class Effect:
                 field[i] = number
 
 
+@functools.cache
 def effect_name(cls):
     """CoulombFriction -> coulomb_friction."""
     return "".join(("_" if i and c.isupper() else "") + c.lower() for i, c in enumerate(cls.__name__))

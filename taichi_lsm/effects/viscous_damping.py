@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
@@ -27,10 +26,15 @@ def restitution_of(zeta):
 
 
 def damping_ratio_of(restitution):
-    """zeta = c/(2 sqrt(k m)) that gives this restitution; 0.01 <= restitution <= 1."""
+    """zeta = c/(2 sqrt(k m)) that gives this restitution; 0.01 <= restitution <= 1. By bisection."""
     if restitution == 1.0:
         return 0.0
-    return float(brentq(lambda zeta: restitution_of(zeta) - restitution, 0.0, 1.0e3, xtol=1e-14, rtol=1e-14))
+    low, high = 0.0, 1.0e3
+    middle = 0.5 * (low + high)
+    while low < middle < high:
+        low, high = (middle, high) if restitution_of(middle) > restitution else (low, middle)
+        middle = 0.5 * (low + high)
+    return middle
 
 
 @ti.data_oriented

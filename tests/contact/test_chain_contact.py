@@ -26,7 +26,7 @@ class Probe:
         for k in range(g.count[None]):
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                 l = pairs.partner[s]
-                depth, n, arm_k, arm_l = self.forces.overlap(k, l, s, self.forces.shortest(k, l), 1)
+                depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, self.forces.geometry.shortest(k, l), 1)
                 self.found[s][0], self.found[s][1], self.found[s][2] = g.id[k], g.id[l], depth
                 for axis in ti.static(range(self.dim)):
                     self.found[s][3 + axis] = n[axis]

@@ -27,7 +27,7 @@ class Probe:
         for k in range(g.count[None]):
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                 l = pairs.partner[s]
-                depth, n, arm_k, arm_l = self.forces.overlap(k, l, s, self.forces.shortest(k, l), 1)
+                depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, self.forces.geometry.shortest(k, l), 1)
                 row = self.found[s]
                 row[0], row[1], row[11], row[12] = g.id[k], depth, pairs.feature[s][0], pairs.feature[s][1]
                 for axis in ti.static(range(3)):

@@ -1,0 +1,92 @@
+"""Where two listed grains touch: spheres in closed form, all others by the geometry of their surfaces."""
+
+from ..runtime import current, ti
+from .narrow import sphere_overlap
+from .pairs import PART_BASE
+
+
+@ti.data_oriented
+class PairGeometry:
+    """Distances and overlaps of the pairs of the list.
+
+    surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one.
+    A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `faults`.
+    """
+
+    def __init__(self, grains, surfaces, parts, domain, pairs, faults):
+        self.grains, self.domain, self.pairs, self.faults = grains, domain, pairs, faults
+        self.parts, self.several = parts, parts is not None
+        self.shaped = surfaces is not None
+        if self.shaped:
+            self.surface = surfaces.contact(grains, pairs, faults)
+        self.real = current().real
+        self.dim = grains.dim
+        self.remembers = pairs.remembers_feature
+
+    @ti.func
+    def shortest(self, k, l):
+        """Vector from grain k to the nearest image of grain l [m], in the precision of the contact geometry."""
+        return ti.cast(self.domain.displacement(self.grains.position[k], self.grains.position[l]), self.real)
+
+    @ti.func
+    def parts_of(self, k, l, s):
+        """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
+        g = self.grains
+        a, b = g.shape[k], g.shape[l]
+        if ti.static(self.several):
+            code = self.pairs.part_code[s]
+            a = self.parts.first[a] + code // PART_BASE
+            b = self.parts.first[b] + code % PART_BASE
+        return a, b
+
+    @ti.func
+    def near(self, k, l, s, d):
+        """Do the bounding spheres of slot s meet, Eq. (1)? d = c_l - c_k [m]. Shaped grains that were a gap apart
+        are not near until their surfaces have travelled so far that they may touch."""
+        g = self.grains
+        meet = d.dot(d) < (g.radius[k] + g.radius[l]) ** 2
+        if ti.static(self.several):
+            code = self.pairs.part_code[s]
+            meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < 0.0
+        if ti.static(self.remembers):
+            meet = meet and g.travel[k] + g.travel[l] >= self.pairs.free_until[s]
+        return ti.cast(meet, ti.i32)
+
+    @ti.func
+    def overlap(self, k, l, s, d, was):
+        """(depth [m], normal k -> l, arm_k, arm_l [m]) of grains d = c_l - c_k apart; depth < 0 if they are apart.
+
+        Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`was`) is looked at.
+        """
+        g = self.grains
+        depth = ti.cast(-1.0, self.real)
+        n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
+        r_k, r_l = g.radius[k], g.radius[l]
+        if d.dot(d) < (r_k + r_l) ** 2 or was != 0:
+            if ti.static(self.shaped):
+                a, b = self.parts_of(k, l, s)
+                depth, n, arm_k = self.surface.overlap(a, b, k, l, s, d)
+            else:
+                depth, n, at = sphere_overlap(d, r_k, r_l)
+                arm_k = at * n
+                self.check_cap(k, l, depth)
+            arm_l = arm_k - d
+        return depth, n, arm_k, arm_l
+
+    @ti.func
+    def check_cap(self, k, l, depth):
+        """Report two spheres whose depth [m] reached the sum of their radii."""
+        g = self.grains
+        if depth >= g.radius[k] + g.radius[l]:
+            self.faults.report(1, g.id[k], g.id[l])
+
+    @ti.func
+    def remembered(self, s):
+        """(features, normal) of list slot s before the step, as far as the geometry keeps them."""
+        features = ti.Vector([0, 0])
+        n = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
+        if ti.static(self.remembers):
+            features = self.pairs.feature[s]
+            if ti.static(self.pairs.remembers_normal):
+                n = self.pairs.normal[s]
+        return features, n

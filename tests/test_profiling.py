@@ -1,0 +1,64 @@
+"""Where the time of a run goes, and the path of a GPU, run on the CPU."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+
+
+def test_profile_divides_the_time_of_a_run(gallery):
+    sim = gallery("frictional_discs")
+    sim.load(sim.scene)
+    sim.measure.sums()  # compiles
+    sim.seconds.clear()
+    sim.run(300)
+    with sim.clock("diagnostics"):
+        sim.measure.sums()
+    rows = {name: (share, cost) for name, share, cost in lsm.profile(sim)}
+    whole = [share for name, (share, _) in rows.items() if not name.startswith(" ")]
+    assert sum(whole) == pytest.approx(1.0)
+    assert rows["steps"][0] > 0.1 and rows["diagnostics"][0] > 0.0
+    assert rows["  contacts"][1] > 0.0 and rows["  gather, integrate"][1] > 0.0
+    text = lsm.profile_text(sim)
+    assert f"{len(sim)} grains, 300 steps" in text and text.count("\n") == len(rows) + 1
+
+
+def test_profile_leaves_the_motion_as_it_is(gallery):
+    """Its stages have a step of zero: positions, velocities and springs keep their bits."""
+    sim = gallery("frictional_discs")
+    sim.load(sim.scene)
+    sim.run(200)
+    names = ("position", "velocity", "spin", "force", "torque", "dissipated")
+    before = {name: getattr(sim.state, name).to_numpy() for name in names}
+    history = sim.pairs.history.to_numpy()
+    lsm.profile(sim)
+    for name, values in before.items():
+        assert np.array_equal(getattr(sim.state, name).to_numpy(), values), name
+    assert np.array_equal(sim.pairs.history.to_numpy(), history)
+    assert sim.integrator.dt[None] == sim.dt
+
+
+def test_profile_without_a_step_is_refused(gallery):
+    sim = gallery("frictional_discs")
+    sim.load(sim.scene)
+    with pytest.raises(ValueError, match="no step"):
+        lsm.profile(sim)
+
+
+@pytest.mark.parametrize("name", ["frictional_discs", "elastic_arcs"])
+def test_a_thread_per_grain_gives_the_same_bits(gallery, name):
+    """What a GPU runs: a launch for each stage and a thread for each grain."""
+    sim = gallery(name)
+    columns = []
+    for offloaded in (False, True):
+        sim.load(sim.scene)
+        sim.integrator.offloaded = offloaded
+        try:
+            sim.run(400)
+        finally:
+            sim.integrator.offloaded = False
+        assert sim.step == 400
+        columns.append([sim.state.position.to_numpy(), sim.state.velocity.to_numpy(), sim.state.force.to_numpy()])
+    for one, other in zip(*columns):
+        assert np.array_equal(one, other)
+    assert not np.array_equal(columns[0][0], sim.scene.position)
