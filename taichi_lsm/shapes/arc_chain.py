@@ -9,8 +9,8 @@ linear programme.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from .patch import CHAIN_TOLERANCE, ArcChain
 from .tiling import SHORT_SIDE, polygon_measures
@@ -213,7 +213,7 @@ def _turns(points: NDArray) -> NDArray:
 def _inscribed_radius(normal: NDArray, distance: NDArray) -> float:
     """Radius of the greatest disc with n . x + r <= distance for every side."""
     rows = np.column_stack([normal, np.ones(len(normal))])
-    answer = linprog([0, 0, -1], A_ub=rows, b_ub=distance, bounds=[(None, None)] * 2 + [(0, None)])
+    answer = scipy.optimize.linprog([0, 0, -1], A_ub=rows, b_ub=distance, bounds=[(None, None)] * 2 + [(0, None)])
     return float(answer.x[2])
 
 
@@ -242,7 +242,7 @@ def _fit_radii(
         support[k, 2 : 2 + own] = step[:own] @ n
         support[k, 2 + own] = (n - seam[own]) @ n
     objective = np.concatenate([[0, 0], -np.diff(breaks, append=breaks[0] + 2 * np.pi)])
-    answer = linprog(
+    answer = scipy.optimize.linprog(
         objective,
         A_ub=support,
         b_ub=distance,

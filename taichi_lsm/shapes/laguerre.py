@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pyvoro2
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
-from scipy.spatial.transform import Rotation
 
 from .ball_polyhedron import BallPolyhedron
 from .polyhedra import corners_of, inscribed_ball, placed_from_planes
@@ -75,6 +73,8 @@ def laguerre_tiles(count: int, length: float, seed, relaxations: int = 3, radii:
 
 def _cells(sites: NDArray, side: float, weights: NDArray) -> list[dict]:
     """Cells of the sites (n, 3) in the periodic cube, in their order, with vertices relative to the site."""
+    import pyvoro2
+
     cells = pyvoro2.compute(
         sites,
         domain=pyvoro2.OrthorhombicCell(((0.0, side),) * 3),
@@ -150,7 +150,7 @@ def pave_volume(
         shapes.append(shape.rescaled(1.0 / diameter))
         places.append(centre)
         diameters.append(diameter)
-        turns.append(Rotation.from_matrix(frame).as_quat(scalar_first=True))
+        turns.append(scipy.spatial.transform.Rotation.from_matrix(frame).as_quat(scalar_first=True))
     return shapes, np.array(places), np.array(diameters), np.array(turns)
 
 
@@ -205,5 +205,6 @@ def grain_in_tile(
 def _farthest_from(normals: NDArray, free: NDArray) -> tuple[NDArray, float]:
     """(x (3,), t): the x of the greatest t with normals[i] . x + t <= free[i]."""
     rows = np.column_stack([normals, np.ones(len(normals))])
-    answer = linprog([0.0, 0.0, 0.0, -1.0], A_ub=rows, b_ub=free, bounds=[(None, None)] * 4, method="highs")
+    anywhere = [(None, None)] * 4
+    answer = scipy.optimize.linprog([0.0, 0.0, 0.0, -1.0], rows, free, bounds=anywhere, method="highs")
     return answer.x[:3], float(np.min(free - normals @ answer.x[:3]))

@@ -8,12 +8,12 @@ distance of two convex bodies is the greatest difference of their support functi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import lsq_linear
-from scipy.special import gamma
 
 from .arc_chain import arc_chain
 from .patch import ArcChain
@@ -45,7 +45,7 @@ def superellipse_support(aspect: float, exponent: float, normals: ArrayLike) -> 
 
 def _semi_axes(aspect: float, exponent: float) -> NDArray:
     """a, b [equivalent diameters] by the area 4 a b Gamma(1 + 1/p)^2 / Gamma(1 + 2/p) = pi/4."""
-    share = 4.0 * gamma(1.0 + 1.0 / exponent) ** 2 / gamma(1.0 + 2.0 / exponent)
+    share = 4.0 * math.gamma(1.0 + 1.0 / exponent) ** 2 / math.gamma(1.0 + 2.0 / exponent)
     return np.sqrt(0.25 * np.pi / share) * np.array([np.sqrt(aspect), 1.0 / np.sqrt(aspect)])
 
 
@@ -145,7 +145,8 @@ def fit_support(
     low, high = np.full(2 + count, -np.inf), np.full(2 + count, np.inf)
     low[2:], high[2:] = least, most
     target = np.concatenate([np.asarray(support_function(n), dtype=np.float64), np.zeros(2)])
-    answer = lsq_linear(np.vstack([rows, closure]), target, (low, high), method="bvls", max_iter=20 * count)
+    system = np.vstack([rows, closure])
+    answer = scipy.optimize.lsq_linear(system, target, (low, high), method="bvls", max_iter=20 * count)
     if not answer.success:
         raise RuntimeError(f"the least-squares fit of {count} arcs failed: {answer.message}")
     radius = np.clip(answer.x[2:], least, most)

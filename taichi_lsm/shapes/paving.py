@@ -1,8 +1,7 @@
 """The generator of Abe & Mora (2003): an area split into tiles, one grain fitted to each."""
 
 import numpy as np
-from scipy.optimize import linprog
-from shapely.geometry import Polygon
+import scipy
 
 from .arc_chain import from_polygon
 from .grain import rescaled
@@ -17,9 +16,11 @@ def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
     the tile. The shapes have equivalent diameter 1; diameter [L] scales them back to their tile.
     Raises ValueError if a tile is too small for the corner radius.
     """
+    import shapely
+
     shapes, places, diameters = [], [], []
     for tile in voronoi_tiles(count, length, seed):
-        inset = np.array(Polygon(tile).buffer(-gap, join_style="mitre").exterior.coords)[:-1]
+        inset = np.array(shapely.Polygon(tile).buffer(-gap, join_style="mitre").exterior.coords)[:-1]
         fitted = from_polygon(inset, corner_radius, arcs_per_corner=arcs_per_corner, normalise=False)
         diameter = float(np.sqrt(4.0 * fitted.measure / np.pi))
         shapes.append(rescaled(fitted, 1.0 / diameter))
@@ -36,5 +37,5 @@ def _place(shape: ArcChain, polygon) -> np.ndarray:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     free = np.sum(normal * polygon, axis=1) - shape.support(normal)
     rows = np.column_stack([normal, np.ones(len(normal))])
-    answer = linprog([0.0, 0.0, -1.0], A_ub=rows, b_ub=free, bounds=[(None, None)] * 3, method="highs")
+    answer = scipy.optimize.linprog([0.0, 0.0, -1.0], A_ub=rows, b_ub=free, bounds=[(None, None)] * 3, method="highs")
     return answer.x[:2]

@@ -5,10 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError, Voronoi
-from scipy.spatial.transform import Rotation
 
 from .ball_cells import spread
 from .ball_polyhedron import SLACK, BallPolyhedron, placed_ball_polyhedron, tangent_ball_polyhedron
@@ -59,7 +57,8 @@ def placed_from_planes(
 
 def inscribed_ball(n: NDArray, h: NDArray) -> tuple[NDArray, float]:
     """Centre (3,) and radius of the largest ball within the planes."""
-    answer = linprog([0, 0, 0, -1], A_ub=np.column_stack([n, np.ones(len(n))]), b_ub=h, bounds=[(None, None)] * 4)
+    rows = np.column_stack([n, np.ones(len(n))])
+    answer = scipy.optimize.linprog([0, 0, 0, -1], A_ub=rows, b_ub=h, bounds=[(None, None)] * 4)
     if answer.status != 0:
         raise ValueError("normals, distances: the planes enclose no body")
     return answer.x[:3], float(answer.x[3])
@@ -68,8 +67,8 @@ def inscribed_ball(n: NDArray, h: NDArray) -> tuple[NDArray, float]:
 def corners_of(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
     """Vertices (m, 3) of the polyhedron n . x <= h, given a point inside."""
     try:
-        return HalfspaceIntersection(np.column_stack([n, -h]), inside).intersections
-    except QhullError as error:
+        return scipy.spatial.HalfspaceIntersection(np.column_stack([n, -h]), inside).intersections
+    except scipy.spatial.QhullError as error:
         raise ValueError(f"normals, distances: the planes enclose no body ({error})") from None
 
 
@@ -84,8 +83,8 @@ def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, N
         across = np.linalg.svd(n[i][None])[2][1:]
         flat = (own - own.mean(axis=0)) @ across.T
         try:
-            hull = flat[ConvexHull(flat).vertices]
-        except QhullError:  # a face without width
+            hull = flat[scipy.spatial.ConvexHull(flat).vertices]
+        except scipy.spatial.QhullError:  # a face without width
             continue
         a, b = hull, np.roll(hull, -1, axis=0)
         cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
@@ -188,7 +187,7 @@ def random_polyhedra(
         for _ in range(TRIES):
             u = spread(int(rng.integers(faces[0], faces[1] + 1)))
             u = u + 0.25 * np.sqrt(4.0 * np.pi / len(u)) * rng.uniform(-1.0, 1.0, u.shape)
-            u = u @ Rotation.random(rng=rng).as_matrix().T
+            u = u @ scipy.spatial.transform.Rotation.random(rng=rng).as_matrix().T
             u /= np.linalg.norm(u, axis=1, keepdims=True)
             n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
             make = partial(
@@ -252,7 +251,7 @@ def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray,
     shifts = np.array(np.meshgrid(*[[0, -1, 1]] * 3, indexing="ij")).reshape(3, -1).T
     for step in range(relaxations + 1):
         copies = (sites + shifts[:, None]).reshape(-1, 3)
-        diagram = Voronoi(copies)
+        diagram = scipy.spatial.Voronoi(copies)
         if step < relaxations:
             sites = (
                 np.array([_centroid(diagram.vertices[diagram.regions[r]]) for r in diagram.point_region[:count]]) % 1
@@ -270,7 +269,7 @@ def voronoi_cells(count: int, seed, relaxations: int = 2) -> list[tuple[NDArray,
 
 def _centroid(vertices: NDArray) -> NDArray:
     """Centre of mass of the convex hull of points (m, 3)."""
-    hull = ConvexHull(vertices)
+    hull = scipy.spatial.ConvexHull(vertices)
     a, b, c = (vertices[hull.simplices[:, i]] for i in range(3))
     origin = vertices.mean(axis=0)
     volume = np.abs(np.einsum("ij,ij->i", a - origin, np.cross(b - origin, c - origin)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import Voronoi
 
 SHORT_SIDE = 1e-6  # of the equivalent diameter: sides below it come from four nearly cocircular sites
 
@@ -80,7 +80,7 @@ def voronoi_tiles(count: int, length: float, seed, relaxations: int = 3) -> list
 def _unit_tiles(sites: NDArray) -> list[NDArray]:
     """Tiles of the sites (count, 2) in the periodic unit square: those of the middle copy of 3 x 3."""
     shifts = np.array([(0, 0)] + [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)])
-    diagram = Voronoi((sites + shifts[:, None, :]).reshape(-1, 2))
+    diagram = scipy.spatial.Voronoi((sites + shifts[:, None, :]).reshape(-1, 2))
     tiles = []
     for k, site in enumerate(sites):
         corners = diagram.vertices[diagram.regions[diagram.point_region[k]]]
