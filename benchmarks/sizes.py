@@ -3,7 +3,7 @@
 `python -m benchmarks.sizes [--full]` times the declared scenes with 1000 and 10 000 grains, and repeated along their
 periodic axes up to 100 000 (--full: a million, which takes about 2 GB), on one thread. The same steps of every size are
 timed in turn, neighbour searches included, with LAMMPS beside up to 100 000. Memory is measured in processes of their
-own: how much higher the peak of the resident memory is in the larger scene, per grain more.
+own: how much higher the resident memory and its peak are in the larger scene, per grain more.
 """
 
 import argparse
@@ -70,22 +70,24 @@ def growth_figures(rows):
 
 
 def bytes_per_grain(small, large):
-    """Bytes that each grain more adds to the peak of the resident memory, after a warm-up with neighbour searches."""
-    peaks = []
+    """Bytes that each grain more adds to the resident memory and to its peak, after a warm-up with neighbour searches:
+    {"resident": bytes, "peak": bytes}."""
+    found = []
     for tag in (small, large):
         with Worker(tag, "f64", 1, False) as worker:
             worker.ask(f"run {STEPS}")
-            peaks.append((worker.ask("memory")["peak"], worker.grains))
-    (low, few), (high, many) = peaks
-    return (high - low) / (many - few)
+            found.append((worker.ask("memory"), worker.grains))
+    (low, few), (high, many) = found
+    return {name: (high[name] - low[name]) / (many - few) for name in low}
 
 
 def memory_figures(pairs):
-    """Bytes per grain of pairs of tags "SMALL LARGE", with the bounds."""
-    return {
-        f"memory_{pair.split()[1]}": bounds.figure(bytes_per_grain(*pair.split()), "bytes per grain", BYTES[pair])
-        for pair in pairs
-    }
+    """Bytes per grain of pairs of tags "SMALL LARGE", with the bounds: of what a run holds and of its peak."""
+    figures = {}
+    for pair in pairs:
+        for name, value in bytes_per_grain(*pair.split()).items():
+            figures[f"memory_{name}_{pair.split()[1]}"] = bounds.figure(value, "bytes per grain", BYTES[pair])
+    return figures
 
 
 def table(rows):

@@ -23,7 +23,7 @@ from .state import Grains, grain_variables, spin_size, turn_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
-PAIRS_PER_GRAIN = {2: 2.8, 3: 4.2}  # capacity at the start: what a dense packing of discs or spheres needs
+PAIRS_PER_GRAIN = {2: 2.8, 3: 4.0}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
