@@ -50,7 +50,7 @@ class ContactForces:
         """What a block holds of each contact. `lost` and `memory` have a component per book and per history value."""
         scalars = ["depth", "inverse_mass"]
         vectors = {"normal": self.dim, "velocity": self.dim, "force": self.dim}
-        vectors |= {"lost": self.book_count, "memory": self.pairs.history_size}
+        vectors |= {"lost": self.book_count if self.ledger else 0, "memory": self.pairs.history_size}
         integers = ["slot", "was", "near", "status"]
         if self.rotates:
             vectors |= {"torque_k": self.spin_size, "torque_l": self.spin_size}

@@ -12,7 +12,8 @@ TURNS = 5  # launches of each stage, in turn; the medians count
 class StepStages:
     """The stages of a step, each by itself, in one thread, with a time step of zero: the state stays as it is.
 
-    Only the impulses of the last step are forgotten, so that a run should not be continued afterwards.
+    Only the impulses of the last step are forgotten and sums over the platens counted again, so that a run should not
+    be continued afterwards.
     """
 
     def __init__(self, sim):
@@ -46,8 +47,8 @@ class StepStages:
         dt = self.integrator.dt[None]
         self.integrator.dt[None] = 0.0
         stages = {
+            "contacts": self.contacts,  # first: it clears impulses, which every drift would apply once more
             "gather, integrate": self.drift,
-            "contacts": self.contacts,
             "platens": self.platen_sums,
             "launch": lambda repeats: [self.integrator.steps(0, 0, 0.0) for _ in range(repeats)],
         }

@@ -27,7 +27,7 @@ class Runtime:
 
     @property
     def serial(self):
-        """Should kernels run in the calling thread? Handing a loop to a pool of one thread costs 20 to 150 us."""
+        """Should kernels run in the calling thread? Handing a loop to a pool costs more than a small loop."""
         return self.arch == "cpu" and self.threads == 1
 
     @property
