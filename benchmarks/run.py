@@ -26,7 +26,16 @@ MARGINS = {
     "S": {"contacts_per_grain": 0.03, "pressure": 0.01, "translational_energy": 0.05},
     "P": {"normal_stress": 0.1, "mass": 1e-9},  # not the same grains: equal load is what is asked for
 }
-BOUNDS = {"P8_500_f64_1t": 1.0, "P30_500_f64_1t": 0.25}  # of the ratio, where one is claimed
+BOUNDS = {  # of the ratio, where one is claimed
+    "S2_1000_f64_1t": 1.0,
+    "S2_10000_f64_1t": 0.75,
+    "S2_10000_f64_2t": 0.95,
+    "S3_1000_f64_1t": 1.0,
+    "S3_10000_f64_1t": 0.75,
+    "S3_10000_f64_2t": 0.85,
+    "P8_500_f64_1t": 1.0,
+    "P30_500_f64_1t": 0.25,
+}
 
 
 def steps_of(state):

@@ -130,7 +130,8 @@ class Platens:
             if len(ids) == 0:
                 raise InputError(f"platen {p.name!r}: no grain is glued to it")
         self.first = [int(n) for n in np.concatenate([[0], np.cumsum([len(g) for g in glued])])]
-        self.member = ti.field(ti.i32, self.first[-1])
+        self.glued = self.first[-1]
+        self.member = ti.field(ti.i32, self.glued)
         self.glued_mass = np.array([mass[ids].sum() for ids in glued])
         shape = self.count
         self.mass = ti.Vector.field(self.dim, ti.f64, shape)

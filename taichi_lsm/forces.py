@@ -37,6 +37,7 @@ class ContactForces:
         self.laws = [e for e in in_order(effects) if e.phase != "body"]
         self.body_laws = [e for e in effects if e.phase == "body"]
         self.onset = pairs.onset
+        self.twists = pairs.onset and self.shaped  # impulses that do not go through the centres
         self.remembers, self.remembers_normal = pairs.remembers_feature, pairs.remembers_normal
         self.seams = pairs.onset and self.remembers
         self.books = [e for e in self.laws if e.dissipates]
@@ -142,14 +143,13 @@ class ContactForces:
     def clear(self, k):
         """Begin the sums over the row of grain k."""
         g = self.grains
-        still = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
-        g.force[k] = still
+        g.force[k] = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
         if ti.static(self.onset):
-            g.kick[k] = still
+            g.kicked[k] = ti.cast(0, ti.i8)
         if ti.static(self.rotates):
             g.torque[k] = ti.Vector([ti.cast(0.0, self.real)] * self.spin_size)
-            if ti.static(self.onset):
-                g.twist[k] = ti.Vector([ti.cast(0.0, self.real)] * self.spin_size)
+        if ti.static(self.twists):
+            g.twist[k] = ti.Vector([ti.cast(0.0, self.real)] * self.spin_size)
 
     @ti.func
     def survey(self, lanes: ti.template(), first, count):
@@ -176,7 +176,7 @@ class ContactForces:
                 lanes.near[c] = ti.cast(depth > 0.0, ti.i32)
         near = 0
         for c in range(count):
-            was = pairs.status[first + c]
+            was = ti.cast(pairs.status[first + c], ti.i32)
             lanes.slot[near], lanes.was[near] = first + c, was
             put(lanes, "normal", near, get(lanes, "normal", c, self.dim))
             if ti.static(not self.shaped):
@@ -307,7 +307,7 @@ class ContactForces:
             status = lanes.status[i]
             if ti.static(self.onset):
                 status += self.correct(lanes, i, s, k, dt)
-            pairs.status[s] = status
+            pairs.status[s] = ti.cast(status, ti.i8)
 
     @ti.func
     def correct(self, lanes: ti.template(), i, s, k, dt):
@@ -351,8 +351,8 @@ class ContactForces:
         """Impulse on the second grain of slot s [N s] and angular impulses on both [N m s]."""
         g, pairs = self.grains, self.pairs
         pairs.pair_kick[s] = kick
-        g.kick[k] = g.kick[k] - kick
-        if ti.static(self.rotates):
+        g.kicked[k] = ti.cast(1, ti.i8)
+        if ti.static(self.twists):
             pairs.pair_twist[s] = twist_l
             g.twist[k] = g.twist[k] + twist_k
 
@@ -367,9 +367,12 @@ class ContactForces:
         if ti.static(self.rotates):
             torque = ti.cast(g.torque[k], ti.f64)
         if ti.static(self.onset):
-            kick = ti.cast(g.kick[k], ti.f64)
-            if ti.static(self.rotates):
-                twist = ti.cast(g.twist[k], ti.f64)
+            if g.kicked[k]:
+                for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
+                    if pairs.status[s] & KICKED:
+                        kick -= pairs.pair_kick[s]
+        if ti.static(self.twists):
+            twist = ti.cast(g.twist[k], ti.f64)
         for c in range(pairs.column_start[k], pairs.column_start[k + 1]):
             s = pairs.column[c]
             force += pairs.pair_force[s]  # zero where the pair is apart: a branch would often be mispredicted
@@ -378,7 +381,7 @@ class ContactForces:
             if ti.static(self.onset):
                 if pairs.status[s] & KICKED:
                     kick += pairs.pair_kick[s]
-                    if ti.static(self.rotates):
+                    if ti.static(self.twists):
                         twist += pairs.pair_twist[s]
         for law in ti.static(self.body_laws):
             law.on_grain(g.inverse_mass[k], force)

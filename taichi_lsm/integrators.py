@@ -51,24 +51,40 @@ class VelocityVerlet:
 
     @ti.func
     def advance(self, k, step):
-        """Kick and drift of grain k, Eqs. (12)-(18)."""
+        """Kick and drift of the mobile grain k, Eqs. (12)-(18)."""
         g, dt = self.grains, self.dt[None]
         before = g.position[k]
         self.keep_velocity(k)
-        if g.platen[k] < 0:
-            force, torque, kick, twist = self.forces.gathered(k)
-            g.velocity[k] = g.velocity[k] + (force * dt + kick) * g.inverse_mass[k]
-            g.position[k] = g.position[k] + g.velocity[k] * dt
-            if ti.static(self.tumbles):
-                self.tumble(k, torque * dt + twist, dt)
-            else:
-                if ti.static(self.rotates):
-                    g.spin[k] = g.spin[k] + (torque * dt + twist) * g.inverse_inertia[k]
-                if ti.static(self.oriented):
-                    g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
-        elif ti.static(self.driven):
-            self.platens.carry(k, dt)
+        force, torque, kick, twist = self.forces.gathered(k)
+        g.velocity[k] = g.velocity[k] + (force * dt + kick) * g.inverse_mass[k]
+        g.position[k] = g.position[k] + g.velocity[k] * dt
+        if ti.static(self.tumbles):
+            self.tumble(k, torque * dt + twist, dt)
+        else:
+            if ti.static(self.rotates):
+                g.spin[k] = g.spin[k] + (torque * dt + twist) * g.inverse_inertia[k]
+            if ti.static(self.oriented):
+                g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         self.watch(k, before, step)
+
+    @ti.func
+    def carry(self, k, step):
+        """Drift of grain k, which is glued to a platen."""
+        before = self.grains.position[k]
+        self.keep_velocity(k)
+        self.platens.carry(k, self.dt[None])
+        self.watch(k, before, step)
+
+    @ti.func
+    def move_platens(self, step, count, resume):
+        """Sum the forces of the contacts on the platens, then kick them and let their grains drift."""
+        g = self.grains
+        if step > 0:
+            self.platens.gather(self.forces, self.dt[None])
+        if step < count and step >= resume:
+            self.platens.kick(self.dt[None])
+            for m in range(self.platens.glued):
+                self.carry(g.slot_of[self.platens.member[m]], step)
 
     @ti.func
     def keep_velocity(self, k):
@@ -178,13 +194,9 @@ class VelocityVerlet:
         while step <= count and going == 1:
             stage = STAGES * step  # a thread that slept through a step must not mistake one stage for another
             if ti.static(self.driven):
-                if self.crew.alone(stage):
-                    if step > 0:
-                        self.platens.gather(self.forces, self.dt[None])
-                    if step < count and step >= resume:
-                        self.platens.kick(self.dt[None])
+                if self.crew.alone(stage):  # one thread moves the platens while others move the grains between
+                    self.move_platens(step, count, resume)
                     self.crew.alone_done(t, stage)
-                self.crew.wait(t, stage)
             if step < count:
                 dt = contact_dt
                 if step >= resume:
@@ -192,8 +204,11 @@ class VelocityVerlet:
                     part = self.crew.take(t, stage + 1)
                     while part >= 0:
                         for k in range(self.crew.first[part], self.crew.first[part + 1]):
-                            self.advance(k, step)
+                            if self.grains.platen[k] < 0:
+                                self.advance(k, step)
                         part = self.crew.hand_in(t, stage + 1)
+                    if ti.static(self.driven):
+                        self.crew.wait(t, stage)
                     self.crew.wait(t, stage + 1)
                     going = ti.cast(self.moved[None] != 1 + step, ti.i32)  # others may have gone on, and moved later
                 if going == 1:
@@ -215,7 +230,10 @@ class VelocityVerlet:
                 self.platens.kick(self.dt[None])
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
-                self.advance(k, 0)
+                if self.grains.platen[k] < 0:
+                    self.advance(k, 0)
+                elif ti.static(self.driven):
+                    self.carry(k, 0)
         if self.halted[None] == 0:
             if self.moved[None] == 1:
                 self.halted[None] = 1
@@ -312,17 +330,14 @@ class ExplicitEuler(VelocityVerlet):
     def advance(self, k, step):
         g, dt = self.grains, self.dt[None]
         before = g.position[k]
-        if g.platen[k] < 0:
-            force, torque, kick, twist = self.forces.gathered(k)
-            g.position[k] = g.position[k] + g.velocity[k] * dt
-            g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * dt)
-            if ti.static(self.oriented):
-                g.orientation[k] = g.orientation[k] + linear_turn(g.orientation[k], g.spin[k] * dt)
-            if ti.static(self.tumbles):
-                g.angular_momentum[k] = g.angular_momentum[k] + torque * dt
-                g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
-            elif ti.static(self.rotates):
-                g.spin[k] = g.spin[k] + torque * (g.inverse_inertia[k] * dt)
-        elif ti.static(self.driven):
-            self.platens.carry(k, dt)
+        force, torque, kick, twist = self.forces.gathered(k)
+        g.position[k] = g.position[k] + g.velocity[k] * dt
+        g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * dt)
+        if ti.static(self.oriented):
+            g.orientation[k] = g.orientation[k] + linear_turn(g.orientation[k], g.spin[k] * dt)
+        if ti.static(self.tumbles):
+            g.angular_momentum[k] = g.angular_momentum[k] + torque * dt
+            g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
+        elif ti.static(self.rotates):
+            g.spin[k] = g.spin[k] + torque * (g.inverse_inertia[k] * dt)
         self.watch(k, before, step)

@@ -25,7 +25,8 @@ class StepStages:
         ti.loop_config(serialize=True)
         for _ in range(repeats):
             for k in range(self.grains.count[None]):
-                self.integrator.advance(k, 0)
+                if self.grains.platen[k] < 0:
+                    self.integrator.advance(k, 0)
 
     @ti.kernel
     def contacts(self, repeats: ti.i32):

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-DTYPES = ("real", "f64", "i32")
+DTYPES = ("real", "f64", "i32", "i8")
 
 
 @dataclass(frozen=True)
@@ -11,7 +11,7 @@ class Variable:
 
     name: identifier, the same in Taichi fields, NetCDF files and checkpoints.
     dims: the named dimensions, e.g. ("grain", "space"); () is a scalar.
-    dtype: "real" follows the precision of the run (contact geometry and forces), "f64" and "i32" never change.
+    dtype: "real" follows the precision of the run (contact geometry and forces), the others never change.
     units: UDUNITS string, SI; "1" for a pure number.
     long_name: what a reader of the file needs to know.
     restart: True if a run cannot be continued bit for bit without it.

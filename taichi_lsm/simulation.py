@@ -23,8 +23,9 @@ from .state import Grains, grain_variables, spin_size, turn_size
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
-PAIRS_PER_GRAIN = {2: 2.8, 3: 4.0}  # capacity at the start: what a dense packing of discs or spheres needs
+PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
+MANY = 20_000  # grains; for more memory matters, for fewer a list that need not grow, as each growth compiles anew
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
@@ -74,8 +75,8 @@ class Scene:
         n = len(self.position)
         self.position = np.asarray(self.position, float)
         self.scale = np.asarray(self.scale, float)
-        self.shape = np.asarray(self.shape, int)
-        self.platen = np.full(n, -1) if self.platen is None else np.asarray(self.platen, int)
+        self.shape = np.asarray(self.shape, np.int32)
+        self.platen = np.full(n, -1, np.int32) if self.platen is None else np.asarray(self.platen, np.int32)
         self._orient(n)
         self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
         self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
@@ -90,7 +91,7 @@ class Scene:
         if self.dim == 2:
             self.angle = np.zeros(n) if self.angle is None else np.asarray(self.angle, float)
         elif self.orientation is None:
-            self.orientation = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+            self.orientation = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (n, 4))  # takes no memory
         else:
             self.orientation = np.asarray(self.orientation, float)
 
@@ -246,7 +247,7 @@ class Simulation:
             self.search = NeighbourSearch(self.grains, self.domain, self.skin, self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
-        dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0)
+        dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0) if n <= MANY else 0
         room = int(max(1.15 * wanted, dense))
         with allocating():
             self._compose(Pairs(scene.dim, capacity, room, self.rotates, kind, self.history, onset, several))

@@ -8,7 +8,8 @@ from .errors import InputError
 from .runtime import current, ti, when_allocated
 from .schema import Variable
 
-NUMPY_TYPES = {ti.f64: np.float64, ti.f32: np.float32, ti.i32: np.int32}
+NUMPY_TYPES = {ti.f64: np.float64, ti.f32: np.float32, ti.i32: np.int32, ti.i8: np.int8}
+MANY_ROWS = 200_000
 
 
 def spin_size(dim):
@@ -22,11 +23,13 @@ def turn_size(dim):
 
 
 def rounded_capacity(count):
-    """Capacity for `count` rows, rounded up to 1/8 of a power of two.
+    """Capacity for `count` rows, rounded up to 1/8 of a power of two, of many rows to 1/64.
 
-    Compiled kernels are cached by the shapes of their fields; rounding lets runs of similar size share them.
+    Compiled kernels are cached by the shapes of their fields; rounding lets runs of similar size share them. Where
+    there are many rows, memory matters more than the seconds of compiling.
     """
-    step = max(8, 1 << max(0, int(count).bit_length() - 4))
+    finer = 4 if count <= MANY_ROWS else 7
+    step = max(8, 1 << max(0, int(count).bit_length() - finer))
     return -(-max(1, int(count)) // step) * step
 
 
@@ -36,7 +39,7 @@ def allocate(variables, capacity, sizes):
     The first dimension of each row is the element index (`capacity` rows); the product of the other dimensions,
     looked up in `sizes`, is the length of the vector stored per element; without others the field is scalar.
     """
-    dtypes = {"real": current().real, "f64": ti.f64, "i32": ti.i32}
+    dtypes = {"real": current().real, "f64": ti.f64, "i32": ti.i32, "i8": ti.i8}
     fields = SimpleNamespace()
     for variable in variables:
         dtype = dtypes[variable.dtype]
@@ -50,7 +53,7 @@ def allocate(variables, capacity, sizes):
 
 def bytes_per_row(variables, sizes):
     """Bytes that one element of these rows takes, at the precision of this process."""
-    width = {"real": 8 if current().real == ti.f64 else 4, "f64": 8, "i32": 4}
+    width = {"real": 8 if current().real == ti.f64 else 4, "f64": 8, "i32": 4, "i8": 1}
     return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
 
 
@@ -82,9 +85,8 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
         rows.append(Variable("last_velocity", ("grain", "space"), "f64", "m s-1", "velocity a step before", True))
         if shaped:
             rows.append(Variable("last_spin", ("grain", "spin"), "f64", "rad s-1", "spin a step before", True))
-        rows.append(Variable("kick", ("grain", "space"), "real", "N s", "impulse from the grain's own row", True))
-        if rotates:
-            rows.append(Variable("twist", ("grain", "spin"), "real", "N m s", "angular impulse likewise", True))
+            rows.append(Variable("twist", ("grain", "spin"), "real", "N m s", "angular impulse from the row", True))
+        rows.append(Variable("kicked", ("grain",), "i8", "1", "1 if a contact of its own row has an impulse", True))
     if oriented:
         rows.append(Variable("orientation", ("grain", "turn"), "f64", "1", "unit complex number or quaternion", True))
     if tumbles:

@@ -31,9 +31,9 @@ def test_profile_leaves_the_motion_as_it_is(gallery):
     rest = sim.scene
     velocity = np.random.default_rng(4).standard_normal(rest.position.shape) * 5e-4 / sim.dt
     sim.load(replace(rest, velocity=velocity))
-    while sim.step < 2000 and not sim.state.kick.to_numpy().any():
+    while sim.step < 2000 and not sim.state.kicked.to_numpy().any():
         sim.run(1)  # to a step in which a contact begins or ends
-    assert sim.state.kick.to_numpy().any()
+    assert sim.state.kicked.to_numpy().any()
     names = ("position", "velocity", "spin", "force", "torque", "dissipated")
     before = {name: getattr(sim.state, name).to_numpy() for name in names}
     history = sim.pairs.history.to_numpy()

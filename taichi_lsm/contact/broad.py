@@ -9,7 +9,7 @@ from .pairs import PART_BASE, Pairs
 
 SORT_INTERVAL = 20  # rebuilds between two re-sortings of the grains along the cells
 SORT_LEAST = 4000  # grains; fewer lie in the cache in any order
-ROOM = 16  # partners that are noted while they are counted; longer rows are searched twice
+ROOM = 12  # partners that are noted while they are counted; longer rows are searched twice
 
 
 @ti.data_oriented
@@ -26,7 +26,7 @@ class NeighbourSearch:
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
-        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0])
+        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if self.several else self.row_count
         self.trouble = ti.field(ti.i32, 2)  # 1 + id of a grain at a position that is no number; of a crushed platen
         self.searches = 0
         when_allocated(lambda: self.set_skin(skin))
@@ -138,7 +138,8 @@ class NeighbourSearch:
                 if ti.math.isnan(self.grains.position[k].sum()):
                     self.trouble[0] = self.grains.id[k] + 1
                 self.found_count[k] = self.search(k, lists, number)
-                self.row_count[k] = self.visit(k, 0, 0, False) if ti.static(self.several) else self.found_count[k]
+                if ti.static(self.several):
+                    self.row_count[k] = self.visit(k, 0, 0, False)
                 k = self.grid.next[k] - 1
         total = 0
         ti.loop_config(serialize=True)
@@ -224,6 +225,10 @@ class NeighbourList:
                     match = o
                 p.restore(s, match)
             g.previous_slot[k] = k
+        ti.loop_config(serialize=self.serial)
+        for k in range(n):
+            for s in range(p.row_start[k], p.row_start[k + 1]):
+                p.clear_forces(s)
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.transpose()

@@ -22,7 +22,7 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
         Variable("first", ("contact",), "i32", "1", "slot of the first grain", True),
         Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
         Variable("partner_id", ("contact",), "i32", "1", "persistent number of the second grain", True),
-        Variable("status", ("contact",), "i32", "1", "bit 1: touching, 2: sliding, 4: kicked", True),
+        Variable("status", ("contact",), "i8", "1", "bit 1: touching, 2: sliding, 4: kicked", True),
         Variable("pair_force", ("contact", "space"), "real", "N", "force on the second grain", True),
     ]
     if rotates:
@@ -31,7 +31,7 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
         rows += [
             Variable("pair_kick", ("contact", "space"), "real", "N s", "impulse on the second grain", True),
         ]
-        if rotates:
+        if kind != "sphere":  # it goes through the centres of two spheres
             long_name = "angular impulse on the second grain"
             rows.append(Variable("pair_twist", ("contact", "spin"), "real", "N m s", long_name, True))
     if shaped:
@@ -64,14 +64,31 @@ class Pairs:
         self.variables = pair_variables(rotates, kind, history, onset, several)
         for name, field in vars(allocate(self.variables, self.capacity, self.sizes)).items():
             setattr(self, name, field)
-        kept = {"partner_id", "part_code", "status", "feature", "normal", "free_until", "history"}
+        kept = {"partner_id", "part_code", "status", "feature", "free_until"}
         self.kept = [v for v in self.variables if v.name in kept]
-        self.old = allocate(self.kept, self.capacity, self.sizes)
+        self.shelves = self._shelves(dim, rotates)
         self.column = ti.field(ti.i32, self.capacity)
         self.row_start = ti.field(ti.i32, grain_capacity + 1)
         self.column_start = ti.field(ti.i32, grain_capacity + 1)
         self.old_start = ti.field(ti.i32, grain_capacity + 1)
         self.cursor = ti.field(ti.i32, grain_capacity + 1)
+
+    def _shelves(self, dim, rotates):
+        """Places (field, component, field of the shelf, component) of the real numbers that survive a rebuild: in the
+        forces of the pair, which are evaluated anew after it, and what does not fit there in a row of its own."""
+        goods = [("normal", c) for c in range(dim if self.remembers_normal else 0)]
+        goods += [("history", c) for c in range(self.history_size)]
+        room = [("pair_force", c) for c in range(dim)]
+        room += [("pair_torque", c) for c in range(spin_size(dim) if rotates else 0)]
+        self.room = [getattr(self, name) for name in ("pair_force", "pair_torque")[: 1 + rotates]]
+        places = [(getattr(self, name), c) for name, c in room[: len(goods)]]
+        lacking = len(goods) - len(places)
+        if lacking > 0:
+            self.sizes["spare"] = lacking
+            self.kept.append(Variable("spare", ("contact", "spare"), "real", "1", "values kept over a rebuild"))
+        self.old = allocate(self.kept, self.capacity, self.sizes)
+        places += [(self.old.spare, c) for c in range(lacking)]
+        return [(getattr(self, name), c, *place) for (name, c), place in zip(goods, places, strict=True)]
 
     @ti.func
     def code(self, s):
@@ -106,18 +123,19 @@ class Pairs:
         if ti.static(self.remembers_feature):
             self.old.feature[s] = self.feature[s]
             self.old.free_until[s] = self.free_until[s]
-        if ti.static(self.remembers_normal):
-            self.old.normal[s] = self.normal[s]
-        if ti.static(self.history_size > 0):
-            self.old.history[s] = self.history[s]
+        for value, c, shelf, place in ti.static(self.shelves):
+            shelf[s][place] = value[s][c]
+
+    @ti.func
+    def clear_forces(self, s):
+        """No force acts at slot `s`; call when every slot has been restored."""
+        for field in ti.static(self.room):
+            field[s] = 0.0 * field[s]
 
     @ti.func
     def restore(self, s, o):
         """Give slot `s` the memory of old slot `o`, or an empty one if o < 0."""
-        self.status[s] = 0
-        self.pair_force[s] = ti.Vector([0.0] * self.sizes["space"])
-        if ti.static(self.rotates):
-            self.pair_torque[s] = ti.Vector([0.0] * self.sizes["spin"])
+        self.status[s] = ti.cast(0, ti.i8)
         if ti.static(self.remembers_feature):
             self.feature[s] = ti.Vector([-1, -1])  # not known yet
             self.free_until[s] = -1.0
@@ -128,7 +146,5 @@ class Pairs:
             if ti.static(self.remembers_feature):
                 self.feature[s] = self.old.feature[o]
                 self.free_until[s] = self.old.free_until[o]
-            if ti.static(self.remembers_normal):
-                self.normal[s] = self.old.normal[o]
-            if ti.static(self.history_size > 0):
-                self.history[s] = self.old.history[o]
+            for value, c, shelf, place in ti.static(self.shelves):
+                value[s][c] = shelf[o][place]
