@@ -5,7 +5,7 @@ Grains are summed in blocks of consecutive ids, blocks one after the other: the 
 
 import numpy as np
 
-from .contact.pairs import SLIDING, TOUCHING
+from .contact.pairs import ACTING, SLIDING, TOUCHING
 from .runtime import current, ti
 
 BLOCK = 64
@@ -81,17 +81,17 @@ class Measure:
         l = pairs.partner[s]
         d = self.forces.geometry.shortest(k, l)
         depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
-        contact = self.forces.contact_of(k, l, depth, n, arm_k, arm_l, 0.0)
+        contact = self.forces.contact_of(k, l, s, depth, n, arm_k, arm_l, 0.0)
         for law in ti.static(self.stores):
             if ti.static(law.history_size(self.dim) > 0):
                 memory = self.forces.history_of(law, s)
                 total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, memory)
             else:
                 total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, 0)
-        total[ti.static(self.at["contact_count"])] += 1.0
-        total[ti.static(self.at["contact_ends"])] += ti.select(g.platen[k] < 0, 1.0, 0.0) + ti.select(
-            g.platen[l] < 0, 1.0, 0.0
-        )
+        touching = ti.cast(contact.touching, ti.f64)
+        mobile = ti.cast(g.platen[k] < 0, ti.f64) + ti.cast(g.platen[l] < 0, ti.f64)
+        total[ti.static(self.at["contact_count"])] += touching
+        total[ti.static(self.at["contact_ends"])] += touching * mobile
         total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] & SLIDING, 1.0, 0.0)
         part = self.inside(g.position[k][1], d[1], low, high)
         for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
@@ -114,7 +114,7 @@ class Measure:
                 k = g.slot_of[i]
                 self.add_grain(k, low, high, velocity, gradient, total)
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                    if pairs.status[s] & TOUCHING:
+                    if pairs.status[s] & (TOUCHING | ACTING):
                         deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
             self.block_sum[block] = total
             self.block_deepest[block] = deepest

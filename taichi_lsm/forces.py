@@ -3,9 +3,9 @@
 from .contact.lanes import AXIS, block_width, get, lane_type, padded, put
 from .contact.narrow import sphere_overlap
 from .contact.pair_geometry import PairGeometry
-from .contact.pairs import KICKED, SLIDING, TOUCHING
+from .contact.pairs import ACTING, KICKED, SLIDING, TOUCHING
 from .effects import contact_type
-from .effects.base import PHASES
+from .effects.base import ON_CONTACTS, PHASES
 from .onset import OnsetCorrection
 from .rotation import spin_velocity, torque_of
 from .runtime import current, ti
@@ -27,22 +27,28 @@ class ContactForces:
     """
 
     def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults):
+        reach = max((e.reach() for e in effects), default=0.0)
         self.grains, self.domain, self.pairs = grains, domain, pairs
-        self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults)
+        self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults, reach)
         self.shaped, self.several = self.geometry.shaped, self.geometry.several
         self.real = current().real
         self.dim = grains.dim
         self.rotates, self.spin_size = grains.has("spin"), grains.sizes["spin"]
         self.ledger = grains.has("dissipated")
-        self.laws = [e for e in in_order(effects) if e.phase != "body"]
+        self.laws = [e for e in in_order(effects) if e.phase in ON_CONTACTS]
         self.body_laws = [e for e in effects if e.phase == "body"]
+        self.motion_laws = [e for e in effects if e.phase == "motion"]
+        self.needs = {name for law in self.laws for name in law.needs}
+        self.couples = any(law.couples for law in self.laws)
+        self.reaches = self.geometry.reaches
         self.onset = pairs.onset
         self.twists = pairs.onset and self.shaped  # impulses that do not go through the centres
         self.remembers, self.remembers_normal = pairs.remembers_feature, pairs.remembers_normal
         self.seams = pairs.onset and self.remembers
-        self.books = [e for e in self.laws if e.dissipates]
-        self.book_count = len(self.books)
-        self.contact_type = contact_type(self.dim)
+        contact_books = [e for e in self.laws if e.dissipates]
+        self.books = contact_books + [e for e in self.motion_laws if e.dissipates]
+        self.book_count = len(contact_books)
+        self.contact_type = contact_type(self.dim, self.laws)
         self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.correction = OnsetCorrection(self.geometry, self.springs, self.contact_type)
         self.width, self.lanes = block_width(), self._lanes()
@@ -53,11 +59,13 @@ class ContactForces:
         vectors = {"normal": self.dim, "velocity": self.dim, "force": self.dim}
         vectors |= {"lost": self.book_count if self.ledger else 0, "memory": self.pairs.history_size}
         integers = ["slot", "was", "near", "status"]
+        scalars += ["reduced_radius"] if "reduced_radius" in self.needs else []
         if self.rotates:
             vectors |= {"torque_k": self.spin_size, "torque_l": self.spin_size}
             if self.shaped:
                 scalars += ["spin_about_normal"]
                 vectors |= {"arm_k": self.dim, "arm_l": self.dim}
+                vectors |= {"relative_spin": self.spin_size if "relative_spin" in self.needs else 0}
             else:
                 scalars += ["radius_k", "radius_l"]
                 vectors |= {"spin_k": self.spin_size, "spin_l": self.spin_size}
@@ -76,14 +84,19 @@ class ContactForces:
         return self.books.index(law)
 
     @ti.func
-    def contact_of(self, k, l, depth, n, arm_k, arm_l, dt):
-        """The kinematics of one contact as the laws see it."""
+    def contact_of(self, k, l, s, depth, n, arm_k, arm_l, dt):
+        """The kinematics of the contact in list slot s as the laws see it."""
         g = self.grains
         v = self.velocity_at(k, l, arm_k, arm_l)
         spin_about_normal = 0.0 * depth
         if ti.static(self.rotates and self.dim == 3):
             spin_about_normal = 0.5 * n.dot(ti.cast(g.spin[k] + g.spin[l], self.real))
-        return self.seen(v, n, depth, g.inverse_mass[k] + g.inverse_mass[l], spin_about_normal, dt)
+        contact = self.seen(v, n, depth, g.inverse_mass[k] + g.inverse_mass[l], spin_about_normal, dt)
+        if ti.static("reduced_radius" in self.needs):
+            contact.reduced_radius = self.geometry.reduced_radius(k, l, s)
+        if ti.static("relative_spin" in self.needs):
+            contact.relative_spin = ti.cast(g.spin[l] - g.spin[k], self.real)
+        return contact
 
     @ti.func
     def velocity_at(self, k, l, arm_k, arm_l):
@@ -102,6 +115,8 @@ class ContactForces:
         v_n = v.dot(n)
         contact.touching = ti.cast(depth > 0.0, ti.i32)
         contact.depth = ti.max(depth, 0.0)
+        if ti.static(self.reaches):
+            contact.gap = ti.max(-depth, 0.0)
         contact.normal = n
         contact.approach = -v_n
         contact.slip = v - v_n * n
@@ -173,7 +188,7 @@ class ContactForces:
                 depth, n, _ = sphere_overlap(get(lanes, "normal", c, self.dim), lanes.depth[c], 0.0)
                 put(lanes, "normal", c, n)
                 lanes.depth[c] = depth
-                lanes.near[c] = ti.cast(depth > 0.0, ti.i32)
+                lanes.near[c] = ti.cast(depth > self.geometry.least_depth(), ti.i32)
         near = 0
         for c in range(count):
             was = ti.cast(pairs.status[first + c], ti.i32)
@@ -202,6 +217,8 @@ class ContactForces:
                 self.geometry.check_cap(k, l, lanes.depth[i])
                 put(lanes, "velocity", i, ti.cast(g.velocity[l] - g.velocity[k], self.real))
                 lanes.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
+                if ti.static("reduced_radius" in self.needs):
+                    lanes.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
                 if ti.static(self.rotates):
                     lanes.radius_k[i], lanes.radius_l[i] = g.radius[k], g.radius[l]
                     put(lanes, "spin_k", i, ti.cast(g.spin[k], self.real))
@@ -221,11 +238,16 @@ class ContactForces:
         depth, n, arm_k, arm_l = self.geometry.overlap(k, l, s, d, was)
         if ti.static(self.remembers):
             way = g.travel[k] + g.travel[l]
-            pairs.free_until[s] = ti.select(depth < 0.0, NEARLY * way - ti.cast(depth, ti.f64), -1.0)
+            apart = ti.cast(self.geometry.least_depth() - depth, ti.f64)
+            pairs.free_until[s] = ti.select(apart > 0.0, NEARLY * way + apart, -1.0)
         lanes.depth[i] = depth
         put(lanes, "normal", i, n)
         put(lanes, "velocity", i, self.velocity_at(k, l, arm_k, arm_l))
         lanes.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
+        if ti.static("reduced_radius" in self.needs):
+            lanes.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
+        if ti.static("relative_spin" in self.needs):
+            put(lanes, "relative_spin", i, ti.cast(g.spin[l] - g.spin[k], self.real))
         put(lanes, "arm_k", i, arm_k)
         put(lanes, "arm_l", i, arm_l)
         if ti.static(self.dim == 3):
@@ -234,7 +256,7 @@ class ContactForces:
             lanes.feature_k[i], lanes.feature_l[i] = before[0], before[1]
             if ti.static(self.remembers_normal):
                 put(lanes, "last_normal", i, last_n)
-        return ti.cast(depth > 0.0, ti.i32) | ti.cast(was != 0, ti.i32)
+        return ti.cast(depth > self.geometry.least_depth(), ti.i32) | ti.cast(was != 0, ti.i32)
 
     @ti.func
     def in_lane(self, lanes: ti.template(), i, dt):
@@ -250,7 +272,16 @@ class ContactForces:
             v -= spin_velocity(a * omega_k + b * omega_l, n)
             if ti.static(self.dim == 3):
                 spin_about_normal = 0.5 * n.dot(omega_k + omega_l)
-        return self.seen(v, n, depth, lanes.inverse_mass[i], spin_about_normal, dt)
+        contact = self.seen(v, n, depth, lanes.inverse_mass[i], spin_about_normal, dt)
+        if ti.static("reduced_radius" in self.needs):
+            contact.reduced_radius = lanes.reduced_radius[i]
+        if ti.static("relative_spin" in self.needs):
+            if ti.static(self.shaped):
+                contact.relative_spin = get(lanes, "relative_spin", i, self.spin_size)
+            else:
+                spin_k, spin_l = get(lanes, "spin_k", i, self.spin_size), get(lanes, "spin_l", i, self.spin_size)
+                contact.relative_spin = spin_l - spin_k
+        return contact
 
     @ti.func
     def apply_laws(self, lanes: ti.template(), count, dt):
@@ -263,14 +294,28 @@ class ContactForces:
             f = contact.normal_force * n + contact.tangential_force
             put(lanes, "force", i, f)
             if ti.static(self.rotates):
-                if ti.static(self.shaped):
-                    put(lanes, "torque_k", i, torque_of(get(lanes, "arm_k", i, self.dim), f))
-                    put(lanes, "torque_l", i, torque_of(get(lanes, "arm_l", i, self.dim), f))
-                else:
-                    turning = torque_of(n, contact.tangential_force)
-                    put(lanes, "torque_k", i, (lanes.radius_k[i] - 0.5 * lanes.depth[i]) * turning)
-                    put(lanes, "torque_l", i, -(lanes.radius_l[i] - 0.5 * lanes.depth[i]) * turning)
-            lanes.status[i] = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+                self.turn(lanes, i, contact, f)
+            status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+            if ti.static(self.reaches):
+                status += ti.select(lanes.depth[i] > self.geometry.least_depth(), ACTING, 0)
+            lanes.status[i] = status
+
+    @ti.func
+    def turn(self, lanes: ti.template(), i, contact: ti.template(), f):
+        """Torques on both grains of the contact in lane i, Eq. (15): of the force f [N] on l, and the laws' couple."""
+        turning = torque_of(contact.normal, contact.tangential_force)
+        torque_k, torque_l = turning, turning
+        if ti.static(self.shaped):
+            torque_k = torque_of(get(lanes, "arm_k", i, self.dim), f)
+            torque_l = torque_of(get(lanes, "arm_l", i, self.dim), f)
+        else:
+            torque_k = (lanes.radius_k[i] - 0.5 * lanes.depth[i]) * turning
+            torque_l = -(lanes.radius_l[i] - 0.5 * lanes.depth[i]) * turning
+        if ti.static(self.couples):
+            torque_k += contact.couple
+            torque_l += contact.couple
+        put(lanes, "torque_k", i, torque_k)
+        put(lanes, "torque_l", i, torque_l)
 
     @ti.func
     def apply(self, lanes: ti.template(), i, contact: ti.template(), law: ti.template()):
@@ -303,7 +348,9 @@ class ContactForces:
             if ti.static(pairs.history_size > 0):
                 pairs.history[s] = get(lanes, "memory", i, pairs.history_size)
             if ti.static(self.ledger and self.book_count > 0):
-                g.dissipated[k] = g.dissipated[k] + ti.cast(get(lanes, "lost", i, self.book_count), ti.f64)
+                for book in ti.static(range(self.book_count)):
+                    lost = ti.cast(lanes["lost" + AXIS[book]][i], ti.f64)
+                    g.dissipated[k][book] = g.dissipated[k][book] + lost
             status = lanes.status[i]
             if ti.static(self.onset):
                 status += self.correct(lanes, i, s, k, dt)

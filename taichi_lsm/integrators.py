@@ -56,16 +56,46 @@ class VelocityVerlet:
         before = g.position[k]
         self.keep_velocity(k)
         force, torque, kick, twist = self.forces.gathered(k)
-        g.velocity[k] = g.velocity[k] + (force * dt + kick) * g.inverse_mass[k]
+        g.velocity[k] = self.kicked(k, g.velocity[k], (force * dt + kick) * g.inverse_mass[k], g.inverse_mass[k])
         g.position[k] = g.position[k] + g.velocity[k] * dt
         if ti.static(self.tumbles):
             self.tumble(k, torque * dt + twist, dt)
         else:
             if ti.static(self.rotates):
-                g.spin[k] = g.spin[k] + (torque * dt + twist) * g.inverse_inertia[k]
+                inverse = g.inverse_inertia[k]
+                g.spin[k] = self.kicked(k, g.spin[k], (torque * dt + twist) * inverse, inverse)
             if ti.static(self.oriented):
                 g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         self.watch(k, before, step)
+
+    @ti.func
+    def kicked(self, k, before, change, inverse_inertia):
+        """Velocity or spin of grain k after the kick of a step and the laws of motion, which book what they take."""
+        result = before + change
+        for law in ti.static(self.forces.motion_laws):
+            left = law.on_velocity(before, result, self.dt[None])
+            self.book(k, law, (0.5 * (before + left) * (result - left) / inverse_inertia).sum())
+            result = left
+        return result
+
+    @ti.func
+    def pushed(self, k, push, inverse):
+        """Angular momentum of grain k after an angular impulse, like `kicked`."""
+        old, turn = self.grains.angular_momentum[k], self.grains.orientation[k]
+        result = old + push
+        for law in ti.static(self.forces.motion_laws):
+            left = law.on_velocity(old, result, self.dt[None])
+            self.book(k, law, spin_of(turn, 0.5 * (old + left), inverse).dot(result - left))
+            result = left
+        return result
+
+    @ti.func
+    def book(self, k, law: ti.template(), lost):
+        """Enter the energy [J] that a law of motion took from grain k."""
+        g = self.grains
+        if ti.static(self.forces.ledger and law.dissipates):
+            book = ti.static(self.forces.book_of(law))
+            g.dissipated[k][book] = g.dissipated[k][book] + lost
 
     @ti.func
     def carry(self, k, step):
@@ -90,7 +120,7 @@ class VelocityVerlet:
     def keep_velocity(self, k):
         """Remember the velocities of the last step, from which the onset of contacts knows their acceleration."""
         g = self.grains
-        if ti.static(self.onset):
+        if ti.static(self.forces.onset):
             g.last_velocity[k] = g.velocity[k]
             if ti.static(self.shaped):
                 g.last_spin[k] = g.spin[k]
@@ -102,9 +132,8 @@ class VelocityVerlet:
         The spin that contacts see is the mean of those at the two ends of the step: that of the half step.
         """
         g = self.grains
-        momentum = g.angular_momentum[k] + push
         inverse = ti.cast(g.inverse_inertia[k], ti.f64)
-        before = g.orientation[k]
+        before, momentum = g.orientation[k], self.pushed(k, push, inverse)
         after = free_rotor(before, momentum, inverse, dt)
         g.angular_momentum[k] = momentum
         g.orientation[k] = after
@@ -332,12 +361,13 @@ class ExplicitEuler(VelocityVerlet):
         before = g.position[k]
         force, torque, kick, twist = self.forces.gathered(k)
         g.position[k] = g.position[k] + g.velocity[k] * dt
-        g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * dt)
+        g.velocity[k] = self.kicked(k, g.velocity[k], force * (g.inverse_mass[k] * dt), g.inverse_mass[k])
         if ti.static(self.oriented):
             g.orientation[k] = g.orientation[k] + linear_turn(g.orientation[k], g.spin[k] * dt)
         if ti.static(self.tumbles):
-            g.angular_momentum[k] = g.angular_momentum[k] + torque * dt
-            g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
+            inverse = ti.cast(g.inverse_inertia[k], ti.f64)
+            g.angular_momentum[k] = self.pushed(k, torque * dt, inverse)
+            g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], inverse)
         elif ti.static(self.rotates):
-            g.spin[k] = g.spin[k] + torque * (g.inverse_inertia[k] * dt)
+            g.spin[k] = self.kicked(k, g.spin[k], torque * (g.inverse_inertia[k] * dt), g.inverse_inertia[k])
         self.watch(k, before, step)

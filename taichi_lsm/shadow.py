@@ -72,7 +72,7 @@ class ShadowEnergy:
                     d = self.forces.geometry.shortest(k, l)
                     depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 1)
                     # a contact that begins or ends within the flight counts as if it went on: U'' jumps there
-                    contact = self.forces.contact_of(k, l, ti.abs(depth), n, arm_k, arm_l, 0.0)
+                    contact = self.forces.contact_of(k, l, s, ti.abs(depth), n, arm_k, arm_l, 0.0)
                     for law in ti.static(self.forces.springs):
                         self.term[k] += weight * law.contact_energy(contact, 0)
 

@@ -15,6 +15,7 @@ from .diagnostics import Measure
 from .domain import Domain, check_box
 from .drives import Platens
 from .effects import Bodies, Effect
+from .effects.base import ON_CONTACTS
 from .errors import InputError, SimulationError
 from .forces import ContactForces
 from .integrators import OnsetVerlet
@@ -135,11 +136,18 @@ class Scene:
         names = [e.name for e in self.effects]
         if len(set(names)) < len(names):
             raise InputError(f"Scene.effects: {names}, each law may be listed once")
+        for role in {e.role for e in self.effects if e.role}:
+            same = [e.name for e in self.effects if e.role == role]
+            if len(same) > 1:
+                raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
+        for effect in self.effects:
+            effect.check(self)
         if self.skin is None:
             self.skin = SKIN * float(np.mean(self.scale))
         if not (np.isfinite(self.skin) and self.skin > 0):
             raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
-        check_box(self.lengths, self.periodic, 2.0 * self.per_grain("bounding_radius").max(), self.skin)
+        widest = 2.0 * self.per_grain("bounding_radius").max() + self.reach()
+        check_box(self.lengths, self.periodic, widest, self.skin)
         if self.dim == 3 and np.abs(np.linalg.norm(self.orientation, axis=1) - 1.0).max() > 1e-9:
             raise InputError("Scene.orientation: must be unit quaternions (w, x, y, z) to 1e-9")
         wrong = [s.name for s in self.shapes if s.dim != self.dim]
@@ -160,6 +168,10 @@ class Scene:
         """Length `attribute` of the shapes, scaled to every grain [m]."""
         return np.array([getattr(g, attribute) for g in self.shapes])[self.shape] * self.scale
 
+    def reach(self):
+        """Greatest distance of two surfaces [m] at which a law acts."""
+        return max((e.reach() for e in self.effects), default=0.0)
+
     def bodies(self):
         """Facts that bound the time step; see effects.Bodies."""
         mass, inertia = self.masses()
@@ -168,6 +180,7 @@ class Scene:
         return Bodies(
             dim=self.dim,
             least_mass=float(mass[mobile].min()),
+            least_inertia=float(inertia[mobile].min()),
             spin_factor=float((self.per_grain("bounding_radius") ** 2 * mass / inertia)[mobile].max()),
             lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
             coordination=COORDINATION[self.dim],
@@ -225,10 +238,10 @@ class Simulation:
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
         kind = kind_of(scene.shapes)
         shaped, several = kind != "sphere", max(len(s.parts) for s in scene.shapes) > 1
-        self.rotates = shaped or any(e.phase == "tangential" for e in scene.effects)
+        self.rotates = shaped or any(e.phase == "tangential" or e.couples for e in scene.effects)
         books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
-        self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase != "body")
-        onset = scene.integrator.onset
+        self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
+        onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
         tumbles = shaped and scene.dim == 3
         rows = grain_variables(self.rotates, shaped, shaped, len(books), onset, tumbles, several)
         with allocating():
@@ -244,7 +257,7 @@ class Simulation:
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
-            self.search = NeighbourSearch(self.grains, self.domain, self.skin, self.parts)
+            self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
         dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0) if n <= MANY else 0

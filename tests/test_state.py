@@ -66,7 +66,7 @@ def test_bytes_of_a_grain_and_of_a_pair(runtime):
     assert bytes_per_row(angular, SIZES) - bytes_per_row(rolling, SIZES) == 2 * 8 + 4 + 2 * REAL + 8
     assert bytes_per_row(grain_variables(False, False, False, 2), SIZES) - bytes_per_row(plain, SIZES) == 2 * 8
     slim = pair_variables(rotates=False, kind="sphere", history=0)
-    assert bytes_per_row(slim, SIZES) == 4 * 4 + 2 * REAL  # both slots, id, status; force
+    assert bytes_per_row(slim, SIZES) == 3 * 4 + 1 + 2 * REAL  # both slots, id; status; force
     full = pair_variables(rotates=True, kind="chain", history=2)  # torque, features, free way and history
     assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 8 + 2 * REAL
 
@@ -88,10 +88,11 @@ def test_simulation_pays_only_for_its_effects(gallery, name):
     assert (sim.surfaces is not None) == shaped and sim.parts is None
     assert sim.platens is None
     assert ("dissipated_coulomb_friction" in sim.measure.names) == frictional
-    # a slot: rows (with those of the onset correction), copy kept over a rebuild, transpose
-    onset = 2 * REAL + rotates * REAL
-    rows = 4 * 4 + 2 * REAL + rotates * REAL + shaped * 16 + frictional * 2 * REAL + onset
-    kept = 2 * 4 + shaped * 16 + frictional * 2 * REAL
+    # a slot: rows (with those of the onset correction), copy kept over a rebuild, transpose; the history rests in the
+    # force rows over a rebuild
+    onset = 2 * REAL + shaped * REAL
+    rows = 3 * 4 + 1 + 2 * REAL + rotates * REAL + shaped * 16 + frictional * 2 * REAL + onset
+    kept = 4 + 1 + shaped * 16
     assert sim.pairs.bytes_per_pair() == rows + kept + 4
 
 

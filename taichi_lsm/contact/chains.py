@@ -179,6 +179,14 @@ class ChainContact:
         return time / dt, depth, n, x
 
     @ti.func
+    def radii(self, a, b, k, l, s):
+        """Radii of curvature [m] of both surfaces where they face each other."""
+        g, t = self.grains, self.table
+        feature = ti.max(self.pairs.feature[s], 0)
+        r_i = t.patch_radius[t.first[a] + feature[0]] * g.scale[k]
+        return r_i, t.patch_radius[t.first[b] + feature[1]] * g.scale[l]
+
+    @ti.func
     def least_violation(self, a, b, k, l, d, cap):
         """Of all pairs of arcs less deep than the cap the first whose cones both hold the direction between them,
         else the one that misses by least."""

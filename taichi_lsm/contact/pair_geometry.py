@@ -1,6 +1,6 @@
 """Where two listed grains touch: spheres in closed form, all others by the geometry of their surfaces."""
 
-from ..runtime import current, ti
+from ..runtime import current, ti, when_allocated
 from .narrow import sphere_overlap
 from .pairs import PART_BASE
 
@@ -9,11 +9,12 @@ from .pairs import PART_BASE
 class PairGeometry:
     """Distances and overlaps of the pairs of the list.
 
-    surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one.
+    surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one; reach
+    [m]: distance of the surfaces up to which a law acts, 0 if all need them to touch.
     A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `faults`.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, faults):
+    def __init__(self, grains, surfaces, parts, domain, pairs, faults, reach=0.0):
         self.grains, self.domain, self.pairs, self.faults = grains, domain, pairs, faults
         self.parts, self.several = parts, parts is not None
         self.shaped = surfaces is not None
@@ -21,7 +22,32 @@ class PairGeometry:
             self.surface = surfaces.contact(grains, pairs, faults)
         self.real = current().real
         self.dim = grains.dim
+        self.reaches = reach > 0.0
+        if self.reaches:
+            self.reach = ti.field(self.real, ())
+            when_allocated(lambda: self.set_reach(reach))
         self.remembers = pairs.remembers_feature
+
+    def set_reach(self, reach):
+        """Choose the distance of the surfaces [m] up to which laws act."""
+        self.reach[None] = reach
+
+    @ti.func
+    def least_depth(self):
+        """Depth [m] above which laws act on a pair: negative if one of them has a reach."""
+        least = ti.cast(0.0, self.real)
+        if ti.static(self.reaches):
+            least = -self.reach[None]
+        return least
+
+    @ti.func
+    def reduced_radius(self, k, l, s):
+        """R_k R_l/(R_k + R_l) of the radii of curvature where the grains of slot s touch [m]."""
+        r_k, r_l = self.grains.radius[k], self.grains.radius[l]
+        if ti.static(self.shaped):
+            a, b = self.parts_of(k, l, s)
+            r_k, r_l = self.surface.radii(a, b, k, l, s)
+        return r_k * r_l / (r_k + r_l)
 
     @ti.func
     def shortest(self, k, l):
@@ -44,10 +70,10 @@ class PairGeometry:
         """Do the bounding spheres of slot s meet, Eq. (1)? d = c_l - c_k [m]. Shaped grains that were a gap apart
         are not near until their surfaces have travelled so far that they may touch."""
         g = self.grains
-        meet = d.dot(d) < (g.radius[k] + g.radius[l]) ** 2
+        meet = d.dot(d) < (g.radius[k] + g.radius[l] - self.least_depth()) ** 2
         if ti.static(self.several):
             code = self.pairs.part_code[s]
-            meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < 0.0
+            meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()
         if ti.static(self.remembers):
             meet = meet and g.travel[k] + g.travel[l] >= self.pairs.free_until[s]
         return ti.cast(meet, ti.i32)
@@ -62,7 +88,7 @@ class PairGeometry:
         depth = ti.cast(-1.0, self.real)
         n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
         r_k, r_l = g.radius[k], g.radius[l]
-        if d.dot(d) < (r_k + r_l) ** 2 or was != 0:
+        if d.dot(d) < (r_k + r_l - self.least_depth()) ** 2 or was != 0:
             if ti.static(self.shaped):
                 a, b = self.parts_of(k, l, s)
                 depth, n, arm_k = self.surface.overlap(a, b, k, l, s, d)

@@ -9,6 +9,7 @@ PART_BASE = 2**15  # of `part_code`: more parts than any grain has
 TOUCHING = 1
 SLIDING = 2
 KICKED = 4
+ACTING = 8
 
 
 def pair_variables(rotates, kind, history, onset=False, several=False):
@@ -22,7 +23,14 @@ def pair_variables(rotates, kind, history, onset=False, several=False):
         Variable("first", ("contact",), "i32", "1", "slot of the first grain", True),
         Variable("partner", ("contact",), "i32", "1", "slot of the second grain", True),
         Variable("partner_id", ("contact",), "i32", "1", "persistent number of the second grain", True),
-        Variable("status", ("contact",), "i8", "1", "bit 1: touching, 2: sliding, 4: kicked", True),
+        Variable(
+            "status",
+            ("contact",),
+            "i8",
+            "1",
+            "bit 1: touching, 2: sliding, 4: kicked, 8: within the reach of a law",
+            True,
+        ),
         Variable("pair_force", ("contact", "space"), "real", "N", "force on the second grain", True),
     ]
     if rotates:
@@ -80,7 +88,6 @@ class Pairs:
         goods += [("history", c) for c in range(self.history_size)]
         room = [("pair_force", c) for c in range(dim)]
         room += [("pair_torque", c) for c in range(spin_size(dim) if rotates else 0)]
-        self.room = [getattr(self, name) for name in ("pair_force", "pair_torque")[: 1 + rotates]]
         places = [(getattr(self, name), c) for name, c in room[: len(goods)]]
         lacking = len(goods) - len(places)
         if lacking > 0:
@@ -129,8 +136,9 @@ class Pairs:
     @ti.func
     def clear_forces(self, s):
         """No force acts at slot `s`; call when every slot has been restored."""
-        for field in ti.static(self.room):
-            field[s] = 0.0 * field[s]
+        self.pair_force[s] = ti.Vector([0.0] * self.sizes["space"])
+        if ti.static(self.rotates):
+            self.pair_torque[s] = ti.Vector([0.0] * self.sizes["spin"])
 
     @ti.func
     def restore(self, s, o):

@@ -4,16 +4,23 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
 `Contact`, its own history and nothing else. Hooks that a class does not define are never compiled.
 
     class MyLaw(Effect):                 decorated with @ti.data_oriented
-        phase = "normal"                 normal | damping | tangential | body, evaluated in this order
+        phase = "normal"                 normal | damping | tangential | cohesion (in this order) | body | motion
         history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact
+        needs = ("reduced_radius",)      inputs that only this law wants: see OPTIONAL
+        couples = True                   adds to contact.couple
+        role = "friction"                a scene may list one law of each role
         def parameters(self)             {name: value}: become 0-d fields `self.<name>_`, readable in kernels
         on_contact(self, contact, history) -> energy dissipated in this step [J]
         contact_energy(self, contact, history) -> energy stored now [J]
         on_grain(self, inverse_mass, force) adds to the force [N] on a mobile grain (phase "body")
         grain_energy(self, inverse_mass, position) -> potential energy [J] of a grain (phase "body")
+        on_velocity(self, before, after, dt) -> velocity [m s-1] or spin [rad s-1] or angular momentum that a grain has
+            after the kick of a step, in place of `after` (phase "motion")
         onset_impulse(self, speed, acceleration, fraction, dt) -> impulse [N s], repulsive (phase "normal")
         tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
+        reach(self) -> distance of the surfaces up to which the law acts [m], host
         stable_dt(self, bodies) -> largest stable step of this law alone [s], host
+        check(self, scene) raises InputError if the law makes no sense in the scene, host
         cases(cls) -> instances that the contract tests try
 
 `onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a
@@ -24,7 +31,11 @@ acceleration [m s-2] the second rate of the depth in time (begin) or in reversed
 In `on_contact` a law adds to `contact.normal_force` [N, repulsive], `contact.stiffness` [N m-1] and
 `contact.tangential_force` [N, on the second grain], and writes its history in place. It is called while the grains
 touch and once more in the first step after they parted (`contact.touching` = 0, depth 0): it then must return no
-force, leave its history zero, and book what the history held.
+force, leave its history zero, and book what the history held. If any law has a reach, all are called up to it;
+`contact.gap` [m] is then the distance of the surfaces, and only the law with the reach may have a force there.
+
+`contact.stiffness` is that of the linear spring which oscillates like the law: of a force that grows as depth^p it is
+(p + 1)/(2 p) of the slope, which makes dashpots in proportion to its root give one restitution at any speed.
 """
 
 import copy
@@ -36,7 +47,8 @@ import numpy as np
 from ..errors import InputError
 from ..runtime import current, ti, when_allocated
 
-PHASES = ("normal", "damping", "tangential", "body")
+PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion")
+ON_CONTACTS = PHASES[:4]
 
 
 @dataclass(frozen=True)
@@ -57,28 +69,41 @@ class HistoryValue:
 class Bodies:
     """What a law may know of the scene to bound its time step.
 
-    dim; least_mass [kg]: of the mobile grains; spin_factor [-]: greatest R^2 m/I for tangential motion;
-    lever_factor [-]: greatest a^2 m/I for normal motion, a the lever of a surface normal; coordination: contacts
-    that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws.
+    dim; least_mass [kg], least_inertia [kg m2]: of the mobile grains; spin_factor [-]: greatest R^2 m/I for
+    tangential motion; lever_factor [-]: greatest a^2 m/I for normal motion, a the lever of a surface normal;
+    coordination: contacts that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws.
     """
 
     dim: int
     least_mass: float
+    least_inertia: float
     spin_factor: float
     lever_factor: float
     coordination: float
     normal_stiffness: float
 
 
-def contact_type(dim):
+# What a contact holds if a law `needs` it.
+# reduced_radius [m]: R_k R_l/(R_k + R_l) of the radii of curvature; relative_spin [rad s-1]: of l against k.
+OPTIONAL = ("reduced_radius", "relative_spin")
+
+
+def contact_type(dim, laws=()):
     """Taichi struct of one contact as the laws see it; world frame, relative to the first grain k.
 
     depth [m] >= 0; touching 0 | 1; normal [-] from k to l; approach [m s-1]: closing speed -v_rel . n; slip [m s-1]:
     tangential velocity of l against k at the contact point; spin_about_normal [rad s-1]: mean of both grains;
-    mass [kg]: m_k m_l/(m_k + m_l); dt [s]; the rest is what the laws add up, Eq. (10).
+    mass [kg]: m_k m_l/(m_k + m_l); dt [s]; the rest is what the laws add up, Eq. (10): normal_force [N, repulsive],
+    stiffness [N m-1], tangential_force [N, on l], couple [N m, on l]. Members that none of the laws wants are missing.
     """
     real = current().real
     vector = ti.types.vector(dim, real)
+    turning = ti.types.vector(1 if dim == 2 else 3, real)
+    wanted = {name for law in laws for name in law.needs}
+    more = {"reduced_radius": real} if "reduced_radius" in wanted else {}
+    more |= {"relative_spin": turning} if "relative_spin" in wanted else {}
+    more |= {"couple": turning} if any(law.couples for law in laws) else {}
+    more |= {"gap": real} if any(law.reach() > 0.0 for law in laws) else {}
     return ti.types.struct(
         depth=real,
         touching=ti.i32,
@@ -92,6 +117,7 @@ def contact_type(dim):
         stiffness=real,
         tangential_force=vector,
         sliding=ti.i32,
+        **more,
     )
 
 
@@ -100,6 +126,9 @@ class Effect:
 
     phase = "normal"
     history: tuple[HistoryValue, ...] = ()
+    needs: tuple[str, ...] = ()
+    couples = False
+    role = ""
     dissipates = False
     equation = ""
 
@@ -123,6 +152,13 @@ class Effect:
     def stable_dt(self, bodies):
         """Largest stable time step of this law alone [s]."""
         return np.inf
+
+    def reach(self):
+        """Distance of the surfaces up to which this law acts [m]; 0 for one that needs them to touch."""
+        return 0.0
+
+    def check(self, scene):
+        """Raise InputError, with the reason, if this law makes no sense in the scene."""
 
     def bound(self, **context):
         """Copy whose parameters live in Taichi fields `<name>_`, so that one compilation serves all values."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
+from .transport import transported
 
 
 @ti.data_oriented
@@ -22,6 +23,7 @@ class CoulombFriction(Effect):
     tangential_stiffness: float
 
     phase = "tangential"
+    role = "friction"
     dissipates = True
     equation = "F_t = -k_t xi,  |F_t| <= mu F_n"
     history = (HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),)
@@ -82,18 +84,3 @@ class CoulombFriction(Effect):
             cls(coefficient=0.5, tangential_stiffness=2.0e2),
             cls(coefficient=0.0, tangential_stiffness=1.0e3),
         ]
-
-
-@ti.func
-def transported(xi, n, contact):
-    """Tangential vector carried along with the contact plane: turned to the new normal n, then spun about it.
-
-    Projection on the new plane with the length restored is the least rotation up to the square of the small angle
-    that the normal turns in one step. The length is restored by the series of 1/sqrt(1 - x), x the square of the sine
-    of that angle: to 3e-9 for a turn of 0.1, and for wild turns too short, which creates no energy.
-    """
-    along = xi.dot(n)
-    size2 = xi.dot(xi)
-    x = ti.select(size2 > 0.0, along * along / size2, 0.0)
-    flat = (xi - along * n) * (1.0 + x * (0.5 + x * (0.375 + x * 0.3125)))
-    return flat + (contact.spin_about_normal * contact.dt) * n.cross(flat)

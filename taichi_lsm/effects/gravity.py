@@ -34,6 +34,9 @@ class Gravity(Effect):
     def parameters(self):
         return {"g": self.acceleration}
 
+    def check(self, scene):
+        require(len(self.acceleration) == scene.dim, self, "acceleration", self.acceleration, f"{scene.dim} numbers")
+
     @ti.func
     def on_grain(self, inverse_mass, force: ti.template()):
         for axis in ti.static(range(force.n)):

@@ -69,6 +69,10 @@ class ViscousDamping(Effect):
     def parameters(self):
         return {"c": 2.0 * damping_ratio_of(self.restitution) if self.by_restitution else self.rate}
 
+    def check(self, scene):
+        elastic = any(e.phase == "normal" for e in scene.effects)
+        require(elastic, self, "restitution, rate", (self.restitution, self.rate), "listed beside a normal law")
+
     def stable_dt(self, bodies):
         """Explicit damping with velocities half a step old: dt <= 2 m/(C c), c at the lightest pair of grains."""
         m = 0.5 * bodies.least_mass
