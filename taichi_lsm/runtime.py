@@ -13,8 +13,23 @@ from dataclasses import dataclass
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
 import taichi as ti  # noqa: E402
+from taichi.lang.ast import ast_transformer_utils  # noqa: E402
 
 from .errors import InputError  # noqa: E402
+
+
+class _LongLines:
+    """Takes the place of the text wrapper that Taichi runs over the source of every node it reads, to quote it if there
+    is an error: a fifth of the time until a program with cached kernels makes its first step."""
+
+    def __init__(self, width):
+        pass
+
+    def wrap(self, text):
+        return [text] if text.strip() else []
+
+
+ast_transformer_utils.TextWrapper = _LongLines
 
 
 @dataclass(frozen=True)
