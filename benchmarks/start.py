@@ -20,6 +20,7 @@ from benchmarks.ours import ROOT
 
 FLAT, SOLID = ("2 sphere", "2 angular"), ("3 sphere", "3 angular")  # dimension and shape, as in `lsm shear-gouge`
 BOUNDS = {"cold": 8.0, "warm": 2.0}  # s
+CLAIMED = "2 sphere"  # the scene of `lsm shear-gouge` without options
 FIRST_STEP = """
 import sys, time
 import taichi_lsm as lsm
@@ -57,8 +58,9 @@ def measure(scenes, turns):
     for (scene, kind), times in taken.items():
         wall, processor = (median(column) for column in zip(*times))
         name = f"start_{kind}_{scene.replace(' ', 'd_')}"
-        figures[name] = bounds.figure(wall, "s", BOUNDS[kind]) | {"processor": processor}
-        rows.append(page.row(name, f"{wall:.2f}", f"{processor:.2f}", BOUNDS[kind], figures[name]["holds"]))
+        figure = bounds.figure(wall, "s", BOUNDS[kind]) if scene == CLAIMED else {"value": wall, "unit": "s"}
+        figures[name] = figure | {"processor": processor}
+        rows.append(page.row(name, f"{wall:.2f}", f"{processor:.2f}", figure.get("bound", ""), figure.get("holds", "")))
     return figures, "\n".join([*page.head("start", "seconds", "on the processor", "at most", "holds"), *rows])
 
 
