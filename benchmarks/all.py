@@ -8,7 +8,7 @@ with many patches, an hour or more.
 import argparse
 import time
 
-from benchmarks import bounds, empty, output_cost, page, run, scenes, shapes, sizes, start
+from benchmarks import bounds, effects, empty, output_cost, page, run, scenes, shapes, sizes, start
 from benchmarks.ours import ROOT
 
 TURNS = 3  # of every part
@@ -62,7 +62,16 @@ def write(full):
     return figures, {"output": f"{output_cost.table(seconds)}\n\n{bounds.table(figures)}"}
 
 
+def choose(full):
+    """Effects: (results, blocks). With 100 000 grains, on two threads, too if `full`."""
+    found = effects.costs(TURNS)
+    figures = effects.ratios(TURNS, effects.SIZES if full else effects.SIZES[:1])
+    named = {f"effect_{name}": row for name, row in found.items()}
+    return named | figures, {"effects": f"{effects.table(found)}\n\n{bounds.table(figures)}"}
+
+
 PARTS = {"compare": compare, "sizes": grow, "empty": spread, "start": begin, "output": write, "shapes": cut}
+PARTS |= {"effects": choose}
 
 
 def main():

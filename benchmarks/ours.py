@@ -3,7 +3,8 @@
 `Worker` starts `python -m benchmarks.ours`, which compiles, says how many grains it has, then waits for lines on its
 input: "run N" advances by N steps and answers with the seconds on the wall clock and on the processor; "rebuild N"
 searches for neighbours N times and answers with the seconds of each; "memory" answers with the bytes resident now and
-at their peak; "measure" answers with the figures that LAMMPS gives too.
+at their peak; "size" with the fields and bytes of a grain and of a listed pair; "measure" with the figures that LAMMPS
+gives too.
 """
 
 import json
@@ -73,6 +74,18 @@ def memory():
     return {name: int(kilobytes[key].split()[0]) * 1024 for name, key in (("resident", "VmRSS"), ("peak", "VmHWM"))}
 
 
+def size(sim):
+    """What the state of a simulation holds: fields, and bytes per grain and per slot of the list."""
+    from taichi_lsm.state import bytes_per_row
+
+    grains, pairs = sim.grains, sim.pairs
+    return {
+        "fields": len(grains.variables) + len(pairs.variables) + len(pairs.kept),
+        "bytes_per_grain": bytes_per_row(grains.variables.values(), grains.sizes),
+        "bytes_per_pair": pairs.bytes_per_pair(),
+    }
+
+
 def serve(tag, precision, threads, extras):
     """Answer orders from standard input until it closes."""
     import taichi_lsm as lsm
@@ -101,6 +114,8 @@ def serve(tag, precision, threads, extras):
             answer = {"seconds": [timed_rebuild(sim) for _ in range(int(count[0]))]}
         elif order == "memory":
             answer = memory()
+        elif order == "size":
+            answer = size(sim)
         else:
             answer = measure(sim)
         print(json.dumps(answer), flush=True)

@@ -31,6 +31,7 @@ FRICTION = 0.5
 DAMPING_RATE = 40.0
 WALL_SPEED = 0.2
 TIME_STEP = 5e-4
+FROZEN = 1e-6  # of the time step, where compositions of laws shall be timed on the same contacts
 SKIN = 0.1
 DILATION = 0.05  # of balls cut into faces [d]
 LAYER = {2: {"layer_thickness": 24.0, "length": 30.0}, 3: {"layer_thickness": 8.0, "length": 10.0, "width": 8.0}}
@@ -91,7 +92,9 @@ def tiled(tag, state, copies) -> State:
 def declared(tag, extras=False, parallel=None):
     """(scene, volume, steps to run before it is timed) of a tag: one of TAGS or LARGE; "S2_1000/30" for its mobile
     grains cut into 30 arcs or faces; "S3_10000@100" for a domain 100 times as long along each axis, empty but for the
-    same grains; or "layer2/angular" for a layer of such grains as `lsm shear-gouge` consolidates it."""
+    same grains; "S3_1000:gravity" for a composition of laws of benchmarks.effects; or "layer2/angular" for a layer of
+    such grains as `lsm shear-gouge` consolidates it."""
+    tag, _, composition = tag.partition(":")
     name, _, longer = tag.partition("@")
     name, _, shape = name.partition("/")
     if name.startswith("layer"):
@@ -99,6 +102,10 @@ def declared(tag, extras=False, parallel=None):
     state = load(name)
     scene = build(state, extras, parallel, int(shape or 1))
     scene.lengths = tuple(length * float(longer or 1) for length in scene.lengths)
+    if composition:
+        from benchmarks.effects import COMPOSITIONS
+
+        scene.effects, scene.dt = COMPOSITIONS[composition][0], FROZEN * TIME_STEP
     return scene, float(state.box.prod()), 0
 
 

@@ -104,9 +104,14 @@ def build_app(found: dict[str, ModuleType]) -> App:
     for name, module in found.items():
         app.command(workflow_command(name, module), name=name, group=workflows_group)
 
-    def list_names() -> int:
+    def list_names(
+        *,
+        effects: Annotated[
+            bool, Parameter(name="--effects", help="equation, parameters and cost of every law", negative=())
+        ] = False,
+    ) -> int:
         """List the workflows and the force laws."""
-        return inspection.print_list(found)
+        return inspection.print_effects() if effects else inspection.print_list(found)
 
     def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
         """Show what a folder holds: status, figures, files."""

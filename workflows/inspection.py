@@ -1,5 +1,6 @@
 """What `lsm list` and `lsm info` show."""
 
+import dataclasses
 import inspect
 import json
 from pathlib import Path
@@ -30,6 +31,35 @@ def print_list(workflows: dict[str, ModuleType]) -> int:
         print(f"{title}:")
         for name in sorted(found):
             print(f"  {name:{width}}  {first_line(found[name])}".rstrip())
+    return 0
+
+
+def print_effects() -> int:
+    """Print every force law: equation, parameters with units, what it remembers, and what it was measured to cost."""
+    import taichi_lsm as lsm
+
+    saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
+    for name, law in lsm.find_effects().items():
+        case = law.cases()[0]
+        print(f"{name}: {first_line(law)}")
+        print(f"  equation    {law.equation}")
+        print(f"  phase       {law.phase}")
+        for field in dataclasses.fields(law):
+            given = "" if field.default is dataclasses.MISSING else f", default {field.default}"
+            print(f"  parameter   {field.name} [{law.units.get(field.name, '?')}]{given}")
+        for value in case.history:
+            sizes = " or ".join(f"{8 * value.size(dim)} bytes in {dim}D" for dim in (2, 3))
+            print(f"  remembers   {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
+        cost = saved["laws"].get(name)
+        if cost:
+            print(
+                f"  cost        {cost['added_ns']:.1f} ns per grain and step, {cost['added_bytes_per_grain']} bytes "
+                f"per grain, {cost['added_bytes_per_pair']} bytes per listed pair"
+            )
+        else:
+            print("  cost        not measured")
+        print()
+    print(f"Costs: {saved['about']['scene']}, on {saved['about']['machine']}; python -m benchmarks.effects")
     return 0
 
 

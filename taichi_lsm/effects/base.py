@@ -5,6 +5,7 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
 
     class MyLaw(Effect):                 decorated with @ti.data_oriented
         phase = "normal"                 normal | damping | tangential | cohesion (in this order) | body | motion
+        units = {"stiffness": "N m-1"}   of the fields of the dataclass
         history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact
         needs = ("reduced_radius",)      inputs that only this law wants: see OPTIONAL
         couples = True                   adds to contact.couple
@@ -125,6 +126,7 @@ class Effect:
     """Base of all laws; see the module's docstring for the contract."""
 
     phase = "normal"
+    units: dict[str, str] = {}
     history: tuple[HistoryValue, ...] = ()
     needs: tuple[str, ...] = ()
     couples = False

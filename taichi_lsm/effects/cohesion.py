@@ -24,6 +24,7 @@ class Cohesion(Effect):
     phase = "cohesion"
     role = "cohesion"
     equation = "F_n = -f max(0, 1 - gap/h)"
+    units = {"pull_off_force": "N", "distance": "m"}
 
     def __post_init__(self):
         for name, unit in (("pull_off_force", "N"), ("distance", "m")):

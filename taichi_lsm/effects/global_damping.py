@@ -24,6 +24,7 @@ class GlobalDamping(Effect):
     role = "global damping"
     dissipates = True
     equation = "F = -gamma m v,  M = -gamma I omega"
+    units = {"rate": "s-1"}
 
     def __post_init__(self):
         require(np.isfinite(self.rate) and self.rate >= 0.0, self, "rate", self.rate, ">= 0 s-1")

@@ -20,6 +20,7 @@ class Gravity(Effect):
 
     phase = "body"
     equation = "F = m g"
+    units = {"acceleration": "m s-2"}
 
     def __post_init__(self):
         g = np.asarray(self.acceleration, float)

@@ -20,6 +20,7 @@ class LinearElastic(Effect):
 
     phase = "normal"
     equation = "F_n = k d"
+    units = {"stiffness": "N m-1"}
 
     def __post_init__(self):
         require(np.isfinite(self.stiffness) and self.stiffness > 0, self, "stiffness", self.stiffness, "> 0 N/m")

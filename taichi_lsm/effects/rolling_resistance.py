@@ -29,6 +29,7 @@ class RollingResistance(Effect):
     couples = True
     dissipates = True
     equation = "M = -k_r theta,  |M| <= mu_r R F_n"
+    units = {"coefficient": "1", "stiffness": "N m rad-1"}
     history = (HistoryValue("rolling_angle", "rad", "elastic angle of rolling", per_axis=True),)
 
     def __post_init__(self):

@@ -54,6 +54,7 @@ class ViscousDamping(Effect):
     phase = "damping"
     dissipates = True
     equation = "F_n = max(0, F_el + c d'),  c = 2 zeta(e) sqrt(k m)"
+    units = {"restitution": "1", "rate": "s-1"}
     history = (HistoryValue("damping_force", "N", "damping force of the last step, for its work"),)
 
     def __post_init__(self):

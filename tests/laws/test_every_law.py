@@ -1,5 +1,6 @@
 """The contract of a force law, held against every law that `find_effects` discovers, plugins included."""
 
+import dataclasses
 import functools
 import inspect
 
@@ -318,18 +319,23 @@ def test_contract(cls, i, dim):
     check_contract(cls, i, dim)
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_law_describes_itself(name):
-    cls = LAWS[name]
+def check_description(name, cls):
+    """What `lsm list --effects` and the documentation need to know."""
     assert cls.phase in PHASES
     assert len(inspect.getdoc(cls)) > 60 and "=" in cls.equation
     assert len(cls.cases()) >= 1 and all(isinstance(case, cls) for case in cls.cases())
+    assert set(cls.units) == {field.name for field in dataclasses.fields(cls)} and all(cls.units.values())
     for case in cls.cases():
         assert case.name == name == effect_name(cls)
         assert all(np.all(np.isfinite(np.asarray(v, float))) for v in case.parameters().values())
-    for value in cls.history:
-        assert isinstance(value, HistoryValue) and value.name.isidentifier()
-        assert value.units and len(value.long_name) > 10
+        for value in case.history:
+            assert isinstance(value, HistoryValue) and value.name.isidentifier()
+            assert value.units and len(value.long_name) > 10
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_law_describes_itself(name):
+    check_description(name, LAWS[name])
 
 
 @ti.data_oriented
@@ -368,66 +374,3 @@ def test_body_force_is_minus_the_slope_of_its_energy(name):
         force = bench.force.to_numpy()
         assert np.abs(force).max() > 0
         assert np.abs(slope + force).max() < tolerance(1e-9) * np.abs(force).max()
-
-
-PLUGIN = '''"""A spring that stiffens, as a user would write it."""
-
-from dataclasses import dataclass
-
-from taichi_lsm.effects import Effect
-from taichi_lsm.runtime import ti
-
-
-@ti.data_oriented
-@dataclass
-class StiffeningSpring(Effect):
-    """F_n = a d^2, energy a d^3/3: a law that this package does not have."""
-
-    factor: float
-
-    equation = "F_n = a d^2"
-
-    def parameters(self):
-        return {"a": self.factor}
-
-    @ti.func
-    def on_contact(self, contact: ti.template(), history: ti.template()):
-        contact.normal_force += self.a_[0] * contact.depth * contact.depth
-        contact.stiffness += 2.0 * self.a_[0] * contact.depth
-        return 0.0
-
-    @ti.func
-    def contact_energy(self, contact, history):
-        return self.a_[0] * contact.depth ** 3 / SLOPE
-
-    @classmethod
-    def cases(cls):
-        return [cls(factor=1.0e5)]
-'''
-
-
-def plugin(folder, slope):
-    (folder / "effects").mkdir(exist_ok=True)
-    (folder / "effects" / "stiffening_spring.py").write_text(PLUGIN.replace("SLOPE", slope))
-    found = find_effects()
-    assert list(found) == sorted(found) and set(LAWS) < set(found)
-    return found["stiffening_spring"]
-
-
-def test_plugin_is_discovered_and_held_to_the_contract(tmp_path, monkeypatch):
-    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
-    check_contract(plugin(tmp_path, "3.0"), 0, 2)
-
-
-def test_contract_finds_a_law_whose_energy_is_wrong(tmp_path, monkeypatch):
-    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
-    with pytest.raises(AssertionError):
-        check_contract(plugin(tmp_path, "2.0"), 0, 2)
-
-
-def test_plugin_that_cannot_be_read_is_named(tmp_path, monkeypatch):
-    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
-    (tmp_path / "effects").mkdir()
-    (tmp_path / "effects" / "broken.py").write_text("from taichi_lsm import nothing_of_the_kind\n")
-    with pytest.raises(ImportError, match="broken.py"):
-        find_effects()
