@@ -27,6 +27,7 @@ _HOME = {
     "Cohesion": "effects.cohesion",
     "GlobalDamping": "effects.global_damping",
     "find_effects": "effects",
+    "make_effects": "effects",
     "GrainShape": "shapes",
     "ArcChain": "shapes",
     "disc": "shapes",

@@ -59,6 +59,11 @@ class Params(BaseParams):
     steady_from: float = Field(1.0, ge=0, description="strain from which the steady state is averaged [1]")
     rows_per_strain: int = Field(100, ge=10, description="rows of run.nc per unit of shear strain [1]")
     profile: bool = Field(False, description="print where the time of the run went")
+    effects: list[dict] = Field(
+        [],
+        description="laws beside elasticity, damping and friction, or in place of those of the same kind: tables with "
+        "law = NAME and its parameters in SI units, see lsm list --effects",
+    )
     step_safety: float = Field(0.4, gt=0, le=0.8, description="time step over the largest stable one [1]")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -165,15 +170,23 @@ def build(params) -> "lsm.Scene":
             lsm.Platen("bottom", [lsm.Fixed()] * dim),
             lsm.Platen("top", [_driven(p, 0.0), servo, *still]),
         ],
-        effects=[
-            lsm.LinearElastic(p.stiffness),
-            lsm.ViscousDamping(restitution=p.restitution),
-            lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
-        ],
+        effects=laws(p),
         thickness=d,
         area=area,
         safety=p.step_safety,
     )
+
+
+def laws(p):
+    """The laws of the contacts: elastic, damped, frictional; a law of `effects` takes the place of one of its kind."""
+    usual = [
+        lsm.LinearElastic(p.stiffness),
+        lsm.ViscousDamping(restitution=p.restitution),
+        lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
+    ]
+    given = lsm.make_effects(p.effects)
+    taken = {law.role or law.phase for law in given}
+    return [law for law in usual if (law.role or law.phase) not in taken] + given
 
 
 def _turned(turns, glued):

@@ -1,5 +1,7 @@
 """Force laws, one per file; `find_effects` discovers them here and in `$LSM_PLUGINS/effects`."""
 
+import dataclasses
+import difflib
 import importlib
 import importlib.util
 import inspect
@@ -7,6 +9,7 @@ import os
 import pkgutil
 from pathlib import Path
 
+from ..errors import InputError
 from .base import Bodies, Effect, HistoryValue, contact_type, effect_name, require
 
 
@@ -32,4 +35,31 @@ def find_effects():
     return dict(sorted(found.items()))
 
 
-__all__ = ["Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "find_effects", "require"]
+def make_effects(tables):
+    """Laws from plain data, one mapping each: {"law": "gravity", "acceleration": [0.0, -9.81]}, parameters in SI units.
+
+    Raises InputError that names what is unknown or missing, what there is, and the nearest name.
+    """
+    laws, made = find_effects(), []
+    for table in tables:
+        values = dict(table)
+        name = values.pop("law", None)
+        if name not in laws:
+            raise InputError(f"law {name!r}: unknown, must be one of {', '.join(laws)}{_nearest(name, laws)}")
+        fields = {field.name: field for field in dataclasses.fields(laws[name])}
+        for key in values:
+            if key not in fields:
+                raise InputError(f"{name}.{key}: unknown, must be one of {', '.join(fields)}{_nearest(key, fields)}")
+        lacking = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in values]
+        if lacking:
+            raise InputError(f"{name}: {', '.join(lacking)} must be given")
+        made.append(laws[name](**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}))
+    return made
+
+
+def _nearest(name, names):
+    close = difflib.get_close_matches(str(name), names, 1)
+    return f". Did you mean {close[0]}?" if close else ""
+
+
+__all__ = ["Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "find_effects", "make_effects", "require"]

@@ -1,0 +1,38 @@
+"""Laws from plain data, as a TOML file gives them."""
+
+import pytest
+
+import taichi_lsm as lsm
+from workflows import shear_gouge
+
+
+def test_laws_are_made_from_tables():
+    made = lsm.make_effects([{"law": "gravity", "acceleration": [0.0, -9.81]}, {"law": "viscous_damping", "rate": 3.0}])
+    assert made == [lsm.Gravity((0.0, -9.81)), lsm.ViscousDamping(rate=3.0)]
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"law": "gravitty"}, "law 'gravitty': unknown, must be one of .*Did you mean gravity?"),
+        ({"acceleration": [0.0, 1.0]}, "law None: unknown"),
+        ({"law": "cohesion", "pull_of_force": 1.0}, "cohesion.pull_of_force: unknown.*Did you mean pull_off_force?"),
+        ({"law": "cohesion", "distance": 1.0}, "cohesion: pull_off_force must be given"),
+        ({"law": "cohesion", "pull_off_force": -1.0, "distance": 1.0}, "Cohesion.pull_off_force = -1.0: must be > 0 N"),
+    ],
+)
+def test_mistakes_are_named(table, words):
+    with pytest.raises(lsm.InputError, match=words):
+        lsm.make_effects([table])
+
+
+def test_the_gouge_takes_laws_beside_its_own_and_in_place_of_them():
+    usual = [type(law).__name__ for law in shear_gouge.laws(shear_gouge.Params())]
+    assert usual == ["LinearElastic", "ViscousDamping", "CoulombFriction"]
+    tables = [
+        {"law": "coulomb_friction", "coefficient": 0.7, "tangential_stiffness": 1e3},
+        {"law": "rolling_resistance", "coefficient": 0.1, "stiffness": 1e-3},
+    ]
+    given = shear_gouge.laws(shear_gouge.Params(effects=tables))
+    assert [type(law).__name__ for law in given] == [*usual, "RollingResistance"]
+    assert given[2].coefficient == 0.7
