@@ -14,6 +14,7 @@ from .contact.broad import grown
 from .errors import InputError
 from .schema import Variable
 from .state import rounded_capacity
+from .walls import WALL_ROWS
 
 FORMAT = 1
 COUNTERS = ("step", "rebuilds")
@@ -79,6 +80,8 @@ def restore_checkpoint(sim, path):
     for flag in (sim.integrator.moved, sim.integrator.halted, sim.integrator.steps_done):
         flag[None] = 0
     sim.faults.clear()
+    if sim.walls:
+        sim.walls.mark_all()
     grains = sim.grains
     grains.set_order(grains.id.to_numpy()[: len(grains)])
     sim.neighbours.transpose_only()
@@ -95,6 +98,9 @@ def _tables(sim):
     ]
     if sim.platens:
         tables.append(("platens", (*PLATEN_ROWS, DRIVE_ROW), sim.platens, sim.platens.count))
+    if sim.walls:
+        tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
+        tables.append(("wall_contacts", sim.walls.rows, sim.walls, sim.walls.count * count))
     return tables
 
 
@@ -111,6 +117,7 @@ def _make_up(sim):
         "integrator": scene.integrator.__name__,
         "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
         "platens": ", ".join(p.name for p in scene.platens),
+        "walls": ", ".join(w.name for w in scene.walls),
     }
 
 

@@ -101,6 +101,32 @@ class Measure:
             limit = g.cap_radius[k] + g.cap_radius[l]
         return ti.cast(depth / limit, ti.f64)
 
+    @ti.func
+    def add_walls(self, k, low, high, total: ti.template()):
+        """Contacts of grain k with the walls; their branch vectors go from its centre to the contact. Returns the
+        greatest depth over the bounding radius, beyond which its centre lies behind the wall."""
+        g, walls = self.grains, self.forces.walls
+        deepest = ti.cast(0.0, ti.f64)
+        for w in range(walls.count):
+            r = g.id[k] * walls.count + w
+            if walls.row_status[r] & (TOUCHING | ACTING):
+                contact, depth, arm, feature = walls.contact(self.forces, k, w, 0.0)
+                for law in ti.static(self.stores):
+                    stored = 0.0 * depth
+                    if ti.static(law.history_size(self.dim) > 0):
+                        stored = law.contact_energy(contact, walls.history_of(self.forces, law, r))
+                    else:
+                        stored = law.contact_energy(contact, 0)
+                    total[ti.static(self.at["energy_" + law.name])] += stored
+                total[ti.static(self.at["contact_count"])] += contact.touching
+                total[ti.static(self.at["contact_ends"])] += contact.touching
+                total[ti.static(self.at["sliding_count"])] += ti.select(walls.row_status[r] & SLIDING, 1.0, 0.0)
+                part = self.inside(g.position[k][1], ti.cast(arm[1], ti.f64), low, high)
+                for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * walls.row_force[r][a] * arm[b]
+                deepest = ti.max(deepest, depth / g.radius[k])
+        return deepest
+
     @ti.kernel
     def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64, result: ti.types.ndarray()):
         g, pairs = self.grains, self.pairs
@@ -116,6 +142,8 @@ class Measure:
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.status[s] & (TOUCHING | ACTING):
                         deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
+                if ti.static(self.forces.walled):
+                    deepest = ti.max(deepest, self.add_walls(k, low, high, total))
             self.block_sum[block] = total
             self.block_deepest[block] = deepest
         ti.loop_config(serialize=True)

@@ -26,11 +26,12 @@ class ContactForces:
     what the laws need, `apply_laws` is arithmetic over lanes alone, `keep` scatters the results.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults):
+    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults, walls=None):
         reach = max((e.reach() for e in effects), default=0.0)
-        self.grains, self.domain, self.pairs = grains, domain, pairs
+        self.grains, self.domain, self.pairs, self.walls = grains, domain, pairs, walls
         self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults, reach)
         self.shaped, self.several = self.geometry.shaped, self.geometry.several
+        self.walled = walls is not None
         self.real = current().real
         self.dim = grains.dim
         self.rotates, self.spin_size = grains.has("spin"), grains.sizes["spin"]
@@ -153,6 +154,9 @@ class ContactForces:
             s = stop
         for k in range(cleared, last):
             self.clear(k)
+        if ti.static(self.walled):
+            for k in range(first, last):
+                self.walls.touch(self, k, dt)
 
     @ti.func
     def clear(self, k):
@@ -418,6 +422,8 @@ class ContactForces:
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.status[s] & KICKED:
                         kick -= pairs.pair_kick[s]
+                if ti.static(self.walled):
+                    kick += self.walls.kick_on(self, k)
         if ti.static(self.twists):
             twist = ti.cast(g.twist[k], ti.f64)
         for c in range(pairs.column_start[k], pairs.column_start[k + 1]):

@@ -32,7 +32,7 @@ class VelocityVerlet:
     def __init__(self, forces, platens, skin, dt, threads=1):
         self.forces, self.platens, self.crew = forces, platens, Crew(threads, LAST_STAGE + 1)
         self.grains = forces.grains
-        self.driven = platens is not None
+        self.driven, self.walled = platens is not None, forces.walled
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.tumbles = self.grains.has("angular_momentum")
         self.shaped = self.grains.has("travel")
@@ -104,6 +104,17 @@ class VelocityVerlet:
         self.keep_velocity(k)
         self.platens.carry(k, self.dt[None])
         self.watch(k, before, step)
+
+    @ti.func
+    def move_walls(self, step, count, resume, contact_dt):
+        """Sum the forces on the plane walls and book their work, then let them drift."""
+        if step > 0:
+            last_dt = self.dt[None]
+            if step <= resume:
+                last_dt = contact_dt
+            self.forces.walls.gather(self.forces, last_dt)
+        if step < count and step >= resume:
+            self.forces.walls.move(self.dt[None])
 
     @ti.func
     def move_platens(self, step, count, resume):
@@ -222,9 +233,12 @@ class VelocityVerlet:
         step, going = 0, 1
         while step <= count and going == 1:
             stage = STAGES * step  # a thread that slept through a step must not mistake one stage for another
-            if ti.static(self.driven):
+            if ti.static(self.driven or self.walled):
                 if self.crew.alone(stage):  # one thread moves the platens while others move the grains between
-                    self.move_platens(step, count, resume)
+                    if ti.static(self.driven):
+                        self.move_platens(step, count, resume)
+                    if ti.static(self.walled):
+                        self.move_walls(step, count, resume, contact_dt)
                     self.crew.alone_done(t, stage)
             if step < count:
                 dt = contact_dt
@@ -236,7 +250,7 @@ class VelocityVerlet:
                             if self.grains.platen[k] < 0:
                                 self.advance(k, step)
                         part = self.crew.hand_in(t, stage + 1)
-                    if ti.static(self.driven):
+                    if ti.static(self.driven or self.walled):
                         self.crew.wait(t, stage)
                     self.crew.wait(t, stage + 1)
                     going = ti.cast(self.moved[None] != 1 + step, ti.i32)  # others may have gone on, and moved later
@@ -257,6 +271,8 @@ class VelocityVerlet:
         if self.halted[None] == 0:
             if ti.static(self.driven):
                 self.platens.kick(self.dt[None])
+            if ti.static(self.walled):
+                self.forces.walls.move(self.dt[None])
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
                 if self.grains.platen[k] < 0:
@@ -275,6 +291,9 @@ class VelocityVerlet:
         if ti.static(self.driven):
             if self.halted[None] == 0:
                 self.platens.gather(self.forces, self.dt[None])
+        if ti.static(self.walled):
+            if self.halted[None] == 0:
+                self.forces.walls.gather(self.forces, self.dt[None])
 
     @ti.kernel
     def contacts_offloaded(self, dt: ti.f64):
@@ -286,6 +305,8 @@ class VelocityVerlet:
         self.halted[None] = 0
         if ti.static(self.driven):
             self.platens.gather(self.forces, self.dt[None])
+        if ti.static(self.walled):
+            self.forces.walls.gather(self.forces, dt)
 
     def launch(self, count):
         """Make up to `count` steps, fewer if the list must be rebuilt or a launch would take long."""

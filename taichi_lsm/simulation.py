@@ -21,6 +21,7 @@ from .forces import ContactForces
 from .integrators import OnsetVerlet
 from .runtime import allocating, start, when_allocated
 from .state import Grains, grain_variables, spin_size, turn_size
+from .walls import Walls, check_walls
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
@@ -39,6 +40,7 @@ class Scene:
     position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
     orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
+    walls: list of PlaneWall;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
@@ -59,6 +61,7 @@ class Scene:
     orientation: np.ndarray | None = None
     platen: np.ndarray | None = None
     platens: list = field(default_factory=list)
+    walls: list = field(default_factory=list)
     velocity: np.ndarray | None = None
     spin: np.ndarray | None = None
     thickness: float | None = None
@@ -154,6 +157,7 @@ class Scene:
         if wrong:
             raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {self.dim}D")
         kind_of(self.shapes)
+        check_walls(self)
 
     def masses(self):
         """(mass (n,) [kg], principal moments of inertia (n, 1 or 3) [kg m2]); a disc has the scene's thickness."""
@@ -257,6 +261,10 @@ class Simulation:
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
+            self.walls = None
+            if scene.walls:
+                room = self.grains.slot_of.shape[0]
+                self.walls = Walls(scene.walls, scene.dim, room, self.rotates, self.history, onset)
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
@@ -279,7 +287,10 @@ class Simulation:
         The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
-        mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
+        mine = [
+            (s.dim, len(s.position), [type(e) for e in s.effects], s.integrator, [w.name for w in s.walls])
+            for s in (self.scene, scene)
+        ]
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0
@@ -292,6 +303,8 @@ class Simulation:
             self.surfaces.fill([part for s in scene.shapes for part in s.parts])
         if self.parts:
             self.parts.fill(scene.shapes)
+        if self.walls:
+            self.walls.begin(scene.walls)
         self._load_scene(self.surfaces is not None)
         if scene.ledger and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
@@ -327,7 +340,7 @@ class Simulation:
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
         self.forces = ContactForces(
-            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults
+            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults, self.walls
         )
         self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
         self.measure = Measure(self.forces, self.integrator)

@@ -96,6 +96,20 @@ class ChainContact:
         return arc
 
     @ti.func
+    def feature_along(self, a, k, u):
+        """As for every kind of surface: the patch of part a of grain k whose normals hold the world direction u."""
+        return self.arc_towards(a, k, u)
+
+    @ti.func
+    def surface_point(self, a, k, i, turn, n):
+        """(point with the normal n of arc i of part a, continued as a circle, from the centre of grain k turned by
+        `turn`; its radius) [m]."""
+        g, t = self.grains, self.table
+        row = t.first[a] + i
+        radius = t.patch_radius[row] * g.scale[k]
+        return rotate(ti.cast(turn, self.real), t.centre[row]) * g.scale[k] + radius * n, radius
+
+    @ti.func
     def overlap(self, a, b, k, l, s, d):
         """Contact of two arc chains: the one pair of arcs whose normals face each other, found from the last one.
 

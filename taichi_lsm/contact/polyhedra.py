@@ -150,6 +150,18 @@ class PolyhedronContact:
         return f
 
     @ti.func
+    def feature_along(self, a, k, u):
+        """The feature of part a of grain k whose normals hold the world direction u."""
+        return self.feature_of(a, unrotate(ti.cast(self.grains.orientation[k], self.real), u), 0)
+
+    @ti.func
+    def surface_point(self, a, k, f, turn, n):
+        """(point with the normal n of feature f of part a, continued beyond its bounds, from the centre of grain k
+        turned by `turn`; its radius) [m]."""
+        c, axis, rho, radius = self.placed(a, f, k, turn)
+        return c + core_point(n, axis, rho) + radius * n, radius
+
+    @ti.func
     def overlap(self, a, b, k, l, s, d):
         """(depth [m], unit normal k -> l, contact point relative to grain k [m]) of part a of k and part b of l."""
         g, pairs = self.grains, self.pairs
