@@ -184,9 +184,8 @@ class Walls:
         feature, radius = 0, g.radius[k]
         point = radius * n
         if ti.static(forces.shaped):
-            surface = ti.static(forces.geometry.surface)
-            feature = surface.feature_along(g.shape[k], k, n)
-            point, radius = surface.surface_point(g.shape[k], k, feature, g.orientation[k], n)
+            feature = forces.geometry.surface.feature_along(g.shape[k], k, n)
+            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, g.orientation[k], n)
         depth = point.dot(n) - ti.cast(self.height(w, g.position[k]), self.real)
         arm = point - 0.5 * depth * n
         v = ti.cast(self.velocity[w] - g.velocity[k], self.real)
@@ -297,11 +296,10 @@ class Walls:
         top_1 = g.radius[k]
         top_2 = top_1
         if ti.static(forces.shaped):
-            surface = ti.static(forces.geometry.surface)
             turn = turned(g.orientation[k], g.spin[k], -dt)
-            point, radius = surface.surface_point(g.shape[k], k, feature, turn, n)
+            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, turn, n)
             top_1 = point.dot(n)
             turn = turned(turn, g.last_spin[k], -dt)
-            point, radius = surface.surface_point(g.shape[k], k, feature, turn, n)
+            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, turn, n)
             top_2 = point.dot(n)
         return top_1 - ti.cast(height_1, self.real), top_2 - ti.cast(height_2, self.real)

@@ -70,13 +70,13 @@ def same(first, second):
     return [name for name, value in first.items() if not np.array_equal(value, second[name])]
 
 
-def fly(sim, seconds=1.0):
+def fly(sim, seconds=1.0, dt=2e-4):
     """A gas of discs that the lid, coming down and moving along, compresses and drags."""
     rng = np.random.default_rng(6)
     settings(sim, restitution=0.8)
     v = rng.normal(0, 5, (COUNT, 2))
     start = box_of_discs().position
-    scenes.reload(sim, 2e-4, position=start, velocity=v, spin=rng.normal(0, 5, (COUNT, 1)))
+    scenes.reload(sim, dt, position=start, velocity=v, spin=rng.normal(0, 5, (COUNT, 1)))
     sim.walls.set_velocity("lid", (2.0, -4.0))
     before = sum(scenes.energy(sim))
     sim.run(int(seconds / sim.dt))
@@ -179,12 +179,11 @@ def test_a_heap_weighs_on_the_walls(discs):
 
 
 def test_energy_closes_between_moving_walls(discs):
-    before = fly(discs)
+    before = fly(discs, dt=5e-5)
     after = sum(scenes.energy(discs))
     work = discs.walls.snapshot()["work"]
-    print(before, after, work)
     assert work[3] > 0.05 * before and np.all(work[:3] == 0.0)
-    assert after - before == pytest.approx(work.sum(), abs=1e-3 * work[3])
+    assert after - before == pytest.approx(work.sum(), abs=4e-4 * work[3])
 
 
 def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, monkeypatch):
