@@ -21,6 +21,8 @@ class Measure:
     grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap);
     stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
     at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
+    In a sheared cell velocities are relative to the mean flow, in translational_energy too, and shear_work [J] is what
+    shearing has done: its change is -shear_rate sigma_xy V over the time.
     """
 
     def __init__(self, forces, integrator):
@@ -32,6 +34,7 @@ class Measure:
         self.names += [f"energy_{e.name}" for e in self.stores + self.pulls]
         if forces.ledger:
             self.names += [f"dissipated_{e.name}" for e in forces.books]
+        self.names += ["shear_work"] if forces.domain.sheared else []
         self.names += ["contact_count", "contact_ends", "sliding_count"]
         self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
         self.at = {name: i for i, name in enumerate(self.names)}
@@ -58,6 +61,9 @@ class Measure:
         if g.platen[k] < 0:
             m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
             v, omega = self.integrator.synchronised(k)
+            if ti.static(self.forces.domain.sheared):
+                v[0] -= self.forces.domain.shear_rate[0] * g.position[k][1]
+                total[ti.static(self.at["shear_work"])] += g.shear_work[k]
             total[0] += 0.5 * m * v.dot(v)
             if ti.static(self.forces.rotates):
                 omega = self.integrator.principal(k, omega)
@@ -99,6 +105,9 @@ class Measure:
         limit = g.radius[k] + g.radius[l]
         if ti.static(self.forces.shaped):
             limit = g.cap_radius[k] + g.cap_radius[l]
+        if ti.static(self.forces.domain.sheared):  # of the last step only half belongs to the time until now
+            moment = 0.5 * self.integrator.dt[None] * pairs.pair_force[s][0] * d[1]
+            total[ti.static(self.at["shear_work"])] += self.forces.domain.shear_rate[0] * moment
         return ti.cast(depth / limit, ti.f64)
 
     @ti.func

@@ -103,7 +103,7 @@ class ContactForces:
     def velocity_at(self, k, l, arm_k, arm_l):
         """Velocity of grain l against grain k at the contact [m s-1]."""
         g = self.grains
-        v = ti.cast(g.velocity[l] - g.velocity[k], self.real)
+        v = self.geometry.relative_velocity(k, l)
         if ti.static(self.rotates):
             omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
             v += spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
@@ -219,7 +219,7 @@ class ContactForces:
                 s = lanes.slot[i]
                 k, l = pairs.first[s], pairs.partner[s]
                 self.geometry.check_cap(k, l, lanes.depth[i])
-                put(lanes, "velocity", i, ti.cast(g.velocity[l] - g.velocity[k], self.real))
+                put(lanes, "velocity", i, self.geometry.relative_velocity(k, l))
                 lanes.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
                 if ti.static("reduced_radius" in self.needs):
                     lanes.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
@@ -359,6 +359,12 @@ class ContactForces:
             if ti.static(self.onset):
                 status += self.correct(lanes, i, s, k, dt)
             pairs.status[s] = ti.cast(status, ti.i8)
+            if ti.static(self.domain.sheared):
+                push = ti.cast(f[0], ti.f64) * dt
+                if ti.static(self.onset):
+                    if status & KICKED:
+                        push += pairs.pair_kick[s][0]
+                self.geometry.book_shear(k, push * self.geometry.shortest(k, pairs.partner[s])[1])
 
     @ti.func
     def correct(self, lanes: ti.template(), i, s, k, dt):

@@ -54,8 +54,11 @@ class OnsetCorrection:
     def depths_before(self, k, l, s, d, n, dt):
         """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
         g = self.grains
-        d_1 = d - ti.cast(g.velocity[l] - g.velocity[k], self.real) * dt
-        d_2 = d_1 - ti.cast(g.last_velocity[l] - g.last_velocity[k], self.real) * dt
+        d_1 = d - self.geometry.relative_velocity(k, l) * dt
+        v = g.last_velocity[l] - g.last_velocity[k]
+        if ti.static(self.geometry.domain.sheared):
+            v[0] -= self.geometry.domain.border_speed(g.position[k], g.position[l])
+        d_2 = d_1 - ti.cast(v, self.real) * dt
         depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
         depth_2 = g.radius[k] + g.radius[l] - d_2.norm()
         if ti.static(self.shaped):

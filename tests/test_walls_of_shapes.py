@@ -173,7 +173,7 @@ def test_polyhedra_touch_with_their_deepest_point_and_rest_on_a_face(runtime):
         height = sim.scene.shapes[k].support(down[k : k + 1])[0]
         assert probe.depth[k] == pytest.approx(height - x[k, 2], abs=1e-10)
     before = sum(scenes.energy(sim))
-    sim.run(100_000)
+    sim.run(200_000)
     probe.measure()
     weight = G / sim.state.inverse_mass.to_numpy()
     down = body_down(sim.state.orientation.to_numpy())

@@ -46,17 +46,17 @@ class ChainTable:
         seams = [p.seam[i] if len(p.seam) else np.zeros((2, 2)) for p, i in zip(parts, closed)]
         fill_rows(self.seam, np.concatenate(seams))
 
-    def contact(self, grains, pairs, faults):
+    def contact(self, grains, pairs, faults, domain):
         """The geometry that reads this table."""
-        return ChainContact(self, grains, pairs, faults)
+        return ChainContact(self, grains, pairs, faults, domain)
 
 
 @ti.data_oriented
 class ChainContact:
     """Finds where two chains touch; the pair of arcs is remembered in `pairs.feature`."""
 
-    def __init__(self, table, grains, pairs, faults):
-        self.table, self.grains, self.pairs, self.faults = table, grains, pairs, faults
+    def __init__(self, table, grains, pairs, faults, domain):
+        self.table, self.grains, self.pairs, self.faults, self.domain = table, grains, pairs, faults, domain
         self.real = current().real
         # one accepted violation of a seam, for directions that rounding leaves between two arcs
         self.seam_tolerance = 1e-12 if self.real == ti.f64 else 1e-5
@@ -188,6 +188,8 @@ class ChainContact:
             + spin_velocity(omega_l, p_j)
             - spin_velocity(omega_k, p_i)
         )
+        if ti.static(self.domain.sheared):
+            v[0] -= ti.cast(self.domain.border_speed(g.position[k], g.position[l]), self.real)
         rate = cross2(w, v) / w.dot(w)
         time = ti.max(self.leaving(a, k, i, u_k, rate - omega_k[0]), self.leaving(b, l, j, u_l, rate - omega_l[0]))
         return time / dt, depth, n, x

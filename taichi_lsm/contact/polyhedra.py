@@ -72,7 +72,7 @@ class PolyhedronTable:
             fill_rows(self.offset, np.concatenate([t["bound_offset"] for t in tables]))
             fill_rows(self.beyond, np.concatenate([t["bound_next"] for t in tables]))
 
-    def contact(self, grains, pairs, faults):
+    def contact(self, grains, pairs, faults, domain):
         """The geometry that reads this table."""
         return PolyhedronContact(self, grains, pairs, faults)
 
