@@ -19,6 +19,7 @@ _HOME = {
     "Fixed": "drives",
     "ConstantVelocity": "drives",
     "ServoStress": "drives",
+    "PlaneWall": "walls",
     "LinearElastic": "effects.linear_elastic",
     "CoulombFriction": "effects.coulomb_friction",
     "ViscousDamping": "effects.viscous_damping",

@@ -11,9 +11,11 @@ import numpy as np
 
 from .atomic_file import write_atomically
 from .contact.broad import grown
+from .domain import SHEAR_ROWS
 from .errors import InputError
 from .schema import Variable
 from .state import rounded_capacity
+from .walls import WALL_ROWS
 
 FORMAT = 1
 COUNTERS = ("step", "rebuilds")
@@ -79,6 +81,10 @@ def restore_checkpoint(sim, path):
     for flag in (sim.integrator.moved, sim.integrator.halted, sim.integrator.steps_done):
         flag[None] = 0
     sim.faults.clear()
+    if sim.walls:
+        sim.walls.mark_all()
+    if sim.domain.sheared:
+        sim.domain.set_shear(sim.domain.shear_rate[0], sim.domain.widest[0], sim.domain.strain[0])
     grains = sim.grains
     grains.set_order(grains.id.to_numpy()[: len(grains)])
     sim.neighbours.transpose_only()
@@ -95,6 +101,11 @@ def _tables(sim):
     ]
     if sim.platens:
         tables.append(("platens", (*PLATEN_ROWS, DRIVE_ROW), sim.platens, sim.platens.count))
+    if sim.domain.sheared:
+        tables.append(("cell", SHEAR_ROWS, sim.domain, 1))
+    if sim.walls:
+        tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
+        tables.append(("wall_contacts", sim.walls.rows, sim.walls, sim.walls.count * count))
     return tables
 
 
@@ -111,6 +122,8 @@ def _make_up(sim):
         "integrator": scene.integrator.__name__,
         "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
         "platens": ", ".join(p.name for p in scene.platens),
+        "walls": ", ".join(w.name for w in scene.walls),
+        "shear_rate": float(scene.shear_rate or 0.0),
     }
 
 

@@ -21,6 +21,8 @@ class Measure:
     grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap);
     stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
     at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
+    In a sheared cell velocities are relative to the mean flow, in translational_energy too, and shear_work [J] is what
+    shearing has done: its change is -shear_rate sigma_xy V over the time.
     """
 
     def __init__(self, forces, integrator):
@@ -32,6 +34,7 @@ class Measure:
         self.names += [f"energy_{e.name}" for e in self.stores + self.pulls]
         if forces.ledger:
             self.names += [f"dissipated_{e.name}" for e in forces.books]
+        self.names += ["shear_work"] if forces.domain.sheared else []
         self.names += ["contact_count", "contact_ends", "sliding_count"]
         self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
         self.at = {name: i for i, name in enumerate(self.names)}
@@ -58,6 +61,9 @@ class Measure:
         if g.platen[k] < 0:
             m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
             v, omega = self.integrator.synchronised(k)
+            if ti.static(self.forces.domain.sheared):
+                v[0] -= self.forces.domain.shear_rate[0] * g.position[k][1]
+                total[ti.static(self.at["shear_work"])] += g.shear_work[k]
             total[0] += 0.5 * m * v.dot(v)
             if ti.static(self.forces.rotates):
                 omega = self.integrator.principal(k, omega)
@@ -99,7 +105,36 @@ class Measure:
         limit = g.radius[k] + g.radius[l]
         if ti.static(self.forces.shaped):
             limit = g.cap_radius[k] + g.cap_radius[l]
+        if ti.static(self.forces.domain.sheared):  # of the last step only half belongs to the time until now
+            moment = 0.5 * self.integrator.dt[None] * pairs.pair_force[s][0] * d[1]
+            total[ti.static(self.at["shear_work"])] += self.forces.domain.shear_rate[0] * moment
         return ti.cast(depth / limit, ti.f64)
+
+    @ti.func
+    def add_walls(self, k, low, high, total: ti.template()):
+        """Contacts of grain k with the walls; their branch vectors go from its centre to the contact. Returns the
+        greatest depth over the bounding radius, beyond which its centre lies behind the wall."""
+        g, walls = self.grains, self.forces.walls
+        deepest = ti.cast(0.0, ti.f64)
+        for w in range(walls.count):
+            r = g.id[k] * walls.count + w
+            if walls.row_status[r] & (TOUCHING | ACTING):
+                contact, depth, arm, feature = walls.contact(self.forces, k, w, 0.0)
+                for law in ti.static(self.stores):
+                    stored = 0.0 * depth
+                    if ti.static(law.history_size(self.dim) > 0):
+                        stored = law.contact_energy(contact, walls.history_of(self.forces, law, r))
+                    else:
+                        stored = law.contact_energy(contact, 0)
+                    total[ti.static(self.at["energy_" + law.name])] += stored
+                total[ti.static(self.at["contact_count"])] += contact.touching
+                total[ti.static(self.at["contact_ends"])] += contact.touching
+                total[ti.static(self.at["sliding_count"])] += ti.select(walls.row_status[r] & SLIDING, 1.0, 0.0)
+                part = self.inside(g.position[k][1], ti.cast(arm[1], ti.f64), low, high)
+                for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * walls.row_force[r][a] * arm[b]
+                deepest = ti.max(deepest, depth / g.radius[k])
+        return deepest
 
     @ti.kernel
     def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64, result: ti.types.ndarray()):
@@ -116,6 +151,8 @@ class Measure:
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.status[s] & (TOUCHING | ACTING):
                         deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
+                if ti.static(self.forces.walled):
+                    deepest = ti.max(deepest, self.add_walls(k, low, high, total))
             self.block_sum[block] = total
             self.block_deepest[block] = deepest
         ti.loop_config(serialize=True)

@@ -26,11 +26,12 @@ class ContactForces:
     what the laws need, `apply_laws` is arithmetic over lanes alone, `keep` scatters the results.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults):
+    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults, walls=None):
         reach = max((e.reach() for e in effects), default=0.0)
-        self.grains, self.domain, self.pairs = grains, domain, pairs
+        self.grains, self.domain, self.pairs, self.walls = grains, domain, pairs, walls
         self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults, reach)
         self.shaped, self.several = self.geometry.shaped, self.geometry.several
+        self.walled = walls is not None
         self.real = current().real
         self.dim = grains.dim
         self.rotates, self.spin_size = grains.has("spin"), grains.sizes["spin"]
@@ -102,7 +103,7 @@ class ContactForces:
     def velocity_at(self, k, l, arm_k, arm_l):
         """Velocity of grain l against grain k at the contact [m s-1]."""
         g = self.grains
-        v = ti.cast(g.velocity[l] - g.velocity[k], self.real)
+        v = self.geometry.relative_velocity(k, l)
         if ti.static(self.rotates):
             omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
             v += spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
@@ -153,6 +154,9 @@ class ContactForces:
             s = stop
         for k in range(cleared, last):
             self.clear(k)
+        if ti.static(self.walled):
+            for k in range(first, last):
+                self.walls.touch(self, k, dt)
 
     @ti.func
     def clear(self, k):
@@ -215,7 +219,7 @@ class ContactForces:
                 s = lanes.slot[i]
                 k, l = pairs.first[s], pairs.partner[s]
                 self.geometry.check_cap(k, l, lanes.depth[i])
-                put(lanes, "velocity", i, ti.cast(g.velocity[l] - g.velocity[k], self.real))
+                put(lanes, "velocity", i, self.geometry.relative_velocity(k, l))
                 lanes.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
                 if ti.static("reduced_radius" in self.needs):
                     lanes.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
@@ -355,6 +359,12 @@ class ContactForces:
             if ti.static(self.onset):
                 status += self.correct(lanes, i, s, k, dt)
             pairs.status[s] = ti.cast(status, ti.i8)
+            if ti.static(self.domain.sheared):
+                push = ti.cast(f[0], ti.f64) * dt
+                if ti.static(self.onset):
+                    if status & KICKED:
+                        push += pairs.pair_kick[s][0]
+                self.geometry.book_shear(k, push * self.geometry.shortest(k, pairs.partner[s])[1])
 
     @ti.func
     def correct(self, lanes: ti.template(), i, s, k, dt):
@@ -418,6 +428,8 @@ class ContactForces:
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.status[s] & KICKED:
                         kick -= pairs.pair_kick[s]
+                if ti.static(self.walled):
+                    kick += self.walls.kick_on(self, k)
         if ti.static(self.twists):
             twist = ti.cast(g.twist[k], ti.f64)
         for c in range(pairs.column_start[k], pairs.column_start[k + 1]):

@@ -31,8 +31,9 @@ class VelocityVerlet:
 
     def __init__(self, forces, platens, skin, dt, threads=1):
         self.forces, self.platens, self.crew = forces, platens, Crew(threads, LAST_STAGE + 1)
-        self.grains = forces.grains
-        self.driven = platens is not None
+        self.grains, self.domain = forces.grains, forces.domain
+        self.led = platens is not None or forces.walled or forces.domain.sheared
+        self.driven, self.walled = platens is not None, forces.walled
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.tumbles = self.grains.has("angular_momentum")
         self.shaped = self.grains.has("travel")
@@ -58,6 +59,10 @@ class VelocityVerlet:
         force, torque, kick, twist = self.forces.gathered(k)
         g.velocity[k] = self.kicked(k, g.velocity[k], (force * dt + kick) * g.inverse_mass[k], g.inverse_mass[k])
         g.position[k] = g.position[k] + g.velocity[k] * dt
+        if ti.static(self.domain.sheared):
+            v = g.velocity[k]
+            flow = self.domain.shear_rate[0] * (before[1] + 0.5 * v[1] * dt)
+            self.forces.geometry.book_shear(k, (v[0] - flow) * v[1] * dt / g.inverse_mass[k])
         if ti.static(self.tumbles):
             self.tumble(k, torque * dt + twist, dt)
         else:
@@ -106,6 +111,21 @@ class VelocityVerlet:
         self.watch(k, before, step)
 
     @ti.func
+    def move_walls(self, step, count, resume, contact_dt):
+        """Sum the forces on the plane walls and book their work, then let them drift, and shear the cell."""
+        if ti.static(self.walled):
+            if step > 0:
+                last_dt = self.dt[None]
+                if step <= resume:
+                    last_dt = contact_dt
+                self.forces.walls.gather(self.forces, last_dt)
+        if step < count and step >= resume:
+            if ti.static(self.walled):
+                self.forces.walls.move(self.dt[None])
+            if ti.static(self.domain.sheared):
+                self.domain.shear(self.dt[None])
+
+    @ti.func
     def move_platens(self, step, count, resume):
         """Sum the forces of the contacts on the platens, then kick them and let their grains drift."""
         g = self.grains
@@ -147,12 +167,23 @@ class VelocityVerlet:
         the step in the launch, kept in `moved` plus one.
         """
         g = self.grains
+        shift, rate = g.position[k] - before, 0.0 * self.dt[None]
+        if ti.static(self.domain.sheared):  # of neighbours in the mean flow only the relative motion counts
+            rate = ti.abs(self.domain.shear_rate[0])
+            shift[0] -= self.domain.shear_rate[0] * before[1] * self.dt[None]
         if ti.static(self.shaped):
             fastest = ti.abs(g.spin[k][0]) if ti.static(g.dim == 2) else g.spin[k].norm()
             turning = TURN_MARGIN * fastest * self.dt[None] * g.radius[k]
-            g.travel[k] = g.travel[k] + (g.position[k] - before).norm() + turning
+            g.travel[k] = g.travel[k] + shift.norm() + turning
         way = g.position[k] - g.built_position[k]
         limit = self.half_skin[None]
+        if ti.static(self.domain.sheared):
+            widest = self.domain.widest[0]
+            if ti.static(self.shaped):
+                g.travel[k] = g.travel[k] + rate * self.dt[None] * (0.5 * widest + 2.0 * limit)
+            strain = self.domain.strain_before[0] + (step + 1) * self.domain.shear_rate[0] * self.dt[None]
+            way[0] -= strain * g.built_position[k][1]
+            limit = (limit - 0.5 * ti.abs(strain) * widest) / (1.0 + ti.abs(strain))
         if ti.static(
             self.forces.several
         ):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
@@ -210,6 +241,8 @@ class VelocityVerlet:
         """
         self.crew.begin(self.grains.count[None], self.forces.pairs.row_start)
         self.moved[None] = 0
+        if ti.static(self.domain.sheared):
+            self.domain.strain_before[0] = self.domain.strain[0] - self.domain.built_strain[0]
         ti.loop_config(serialize=self.crew.size == 1)
         for i in range(self.crew.size * SPREAD):
             if i % SPREAD == 0:
@@ -222,9 +255,11 @@ class VelocityVerlet:
         step, going = 0, 1
         while step <= count and going == 1:
             stage = STAGES * step  # a thread that slept through a step must not mistake one stage for another
-            if ti.static(self.driven):
+            if ti.static(self.led):
                 if self.crew.alone(stage):  # one thread moves the platens while others move the grains between
-                    self.move_platens(step, count, resume)
+                    if ti.static(self.driven):
+                        self.move_platens(step, count, resume)
+                    self.move_walls(step, count, resume, contact_dt)
                     self.crew.alone_done(t, stage)
             if step < count:
                 dt = contact_dt
@@ -236,7 +271,7 @@ class VelocityVerlet:
                             if self.grains.platen[k] < 0:
                                 self.advance(k, step)
                         part = self.crew.hand_in(t, stage + 1)
-                    if ti.static(self.driven):
+                    if ti.static(self.led):
                         self.crew.wait(t, stage)
                     self.crew.wait(t, stage + 1)
                     going = ti.cast(self.moved[None] != 1 + step, ti.i32)  # others may have gone on, and moved later
@@ -257,6 +292,7 @@ class VelocityVerlet:
         if self.halted[None] == 0:
             if ti.static(self.driven):
                 self.platens.kick(self.dt[None])
+            self.move_walls(0, 1, 0, 0.0)
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
                 if self.grains.platen[k] < 0:
@@ -275,6 +311,9 @@ class VelocityVerlet:
         if ti.static(self.driven):
             if self.halted[None] == 0:
                 self.platens.gather(self.forces, self.dt[None])
+        if ti.static(self.walled):
+            if self.halted[None] == 0:
+                self.forces.walls.gather(self.forces, self.dt[None])
 
     @ti.kernel
     def contacts_offloaded(self, dt: ti.f64):
@@ -286,6 +325,8 @@ class VelocityVerlet:
         self.halted[None] = 0
         if ti.static(self.driven):
             self.platens.gather(self.forces, self.dt[None])
+        if ti.static(self.walled):
+            self.forces.walls.gather(self.forces, dt)
 
     def launch(self, count):
         """Make up to `count` steps, fewer if the list must be rebuilt or a launch would take long."""

@@ -30,13 +30,19 @@ class OnsetCorrection:
         It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
         `passage`. A contact that began and ended within one step leaves nothing to correct.
         """
-        kick = 0.0 * depth
         last, earlier = self.depths_before(k, l, s, d, n, dt)
+        ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
+        return self.impulse(began, depth, last, earlier, ease, dt)
+
+    @ti.func
+    def impulse(self, began, depth, last, earlier, ease, dt):
+        """`end_kick` from the depths [m] now, a step and two steps ago; ease [kg-1]: acceleration of the depth per
+        force."""
+        kick = 0.0 * depth
         u, inside = (depth - last) / dt, depth
         acceleration = (u - (last - earlier) / dt) / dt
         if began == 0:  # with time reversed the contact begins; its own force fades within the step
             u, inside = -u, last
-            ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
             acceleration += self.elastic_force(ti.max(last, 0.0)) * ease
         u, time = self.passage(inside, u, acceleration, dt)
         if u > 0.0 and time < dt:
@@ -48,8 +54,11 @@ class OnsetCorrection:
     def depths_before(self, k, l, s, d, n, dt):
         """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
         g = self.grains
-        d_1 = d - ti.cast(g.velocity[l] - g.velocity[k], self.real) * dt
-        d_2 = d_1 - ti.cast(g.last_velocity[l] - g.last_velocity[k], self.real) * dt
+        d_1 = d - self.geometry.relative_velocity(k, l) * dt
+        v = g.last_velocity[l] - g.last_velocity[k]
+        if ti.static(self.geometry.domain.sheared):
+            v[0] -= self.geometry.domain.border_speed(g.position[k], g.position[l])
+        d_2 = d_1 - ti.cast(v, self.real) * dt
         depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
         depth_2 = g.radius[k] + g.radius[l] - d_2.norm()
         if ti.static(self.shaped):

@@ -12,7 +12,7 @@ from .contact.pairs import Pairs
 from .contact.parts import PartTable
 from .contact.surfaces import kind_of, surface_table
 from .diagnostics import Measure
-from .domain import Domain, check_box
+from .domain import Domain, check_box, check_shear
 from .drives import Platens
 from .effects import Bodies, Effect
 from .effects.base import ON_CONTACTS
@@ -21,6 +21,7 @@ from .forces import ContactForces
 from .integrators import OnsetVerlet
 from .runtime import allocating, start, when_allocated
 from .state import Grains, grain_variables, spin_size, turn_size
+from .walls import Walls, check_walls
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
@@ -39,6 +40,8 @@ class Scene:
     position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
     orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
+    walls: list of PlaneWall; shear_rate [s-1]: of a homogeneously sheared cell, whose mean flow, shear_rate times y
+    along x, is added to `velocity`;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
@@ -59,6 +62,8 @@ class Scene:
     orientation: np.ndarray | None = None
     platen: np.ndarray | None = None
     platens: list = field(default_factory=list)
+    walls: list = field(default_factory=list)
+    shear_rate: float = 0.0
     velocity: np.ndarray | None = None
     spin: np.ndarray | None = None
     thickness: float | None = None
@@ -146,14 +151,15 @@ class Scene:
             self.skin = SKIN * float(np.mean(self.scale))
         if not (np.isfinite(self.skin) and self.skin > 0):
             raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
-        widest = 2.0 * self.per_grain("bounding_radius").max() + self.reach()
-        check_box(self.lengths, self.periodic, widest, self.skin)
+        check_box(self.lengths, self.periodic, self.widest(), self.skin)
         if self.dim == 3 and np.abs(np.linalg.norm(self.orientation, axis=1) - 1.0).max() > 1e-9:
             raise InputError("Scene.orientation: must be unit quaternions (w, x, y, z) to 1e-9")
         wrong = [s.name for s in self.shapes if s.dim != self.dim]
         if wrong:
             raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {self.dim}D")
         kind_of(self.shapes)
+        check_walls(self)
+        check_shear(self)
 
     def masses(self):
         """(mass (n,) [kg], principal moments of inertia (n, 1 or 3) [kg m2]); a disc has the scene's thickness."""
@@ -171,6 +177,10 @@ class Scene:
     def reach(self):
         """Greatest distance of two surfaces [m] at which a law acts."""
         return max((e.reach() for e in self.effects), default=0.0)
+
+    def widest(self):
+        """Greatest distance of two centres [m] at which grains act on each other."""
+        return 2.0 * float(self.per_grain("bounding_radius").max()) + self.reach()
 
     def bodies(self):
         """Facts that bound the time step; see effects.Bodies."""
@@ -243,10 +253,12 @@ class Simulation:
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
         onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
         tumbles = shaped and scene.dim == 3
-        rows = grain_variables(self.rotates, shaped, shaped, len(books), onset, tumbles, several)
+        rows = grain_variables(
+            self.rotates, shaped, shaped, len(books), onset, tumbles, several, bool(scene.shear_rate)
+        )
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
-            self.domain = Domain(scene.lengths, scene.periodic)
+            self.domain = Domain(scene.lengths, scene.periodic, scene.shear_rate or 0.0)
             self.grains = Grains(scene.dim, n, rows, len(books))
             self.faults = Faults()
             self.surfaces = surface_table(kind, scene.shapes)
@@ -257,6 +269,10 @@ class Simulation:
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
+            self.walls = None
+            if scene.walls:
+                room = self.grains.slot_of.shape[0]
+                self.walls = Walls(scene.walls, scene.dim, room, self.rotates, self.history, onset)
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
@@ -279,7 +295,10 @@ class Simulation:
         The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
-        mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
+        mine = [
+            (s.dim, len(s.position), [type(e) for e in s.effects], s.integrator, [w.name for w in s.walls])
+            for s in (self.scene, scene)
+        ]
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0
@@ -292,6 +311,8 @@ class Simulation:
             self.surfaces.fill([part for s in scene.shapes for part in s.parts])
         if self.parts:
             self.parts.fill(scene.shapes)
+        if self.walls:
+            self.walls.begin(scene.walls)
         self._load_scene(self.surfaces is not None)
         if scene.ledger and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
@@ -309,7 +330,10 @@ class Simulation:
         scene, state = self.scene, self.state
         mass, inertia = scene.masses()
         state.position.from_numpy(scene.position)
-        state.velocity.from_numpy(scene.velocity)
+        if self.domain.sheared:
+            self.domain.set_shear(scene.shear_rate, scene.widest())
+            self.grains.shear_work.fill(0.0)
+        state.velocity.from_numpy(scene.velocity + self.domain.mean_flow(scene.position))
         state.platen.from_numpy(scene.platen)
         state.radius.from_numpy(scene.per_grain("bounding_radius"))
         state.inverse_mass.from_numpy(1.0 / mass)
@@ -327,7 +351,7 @@ class Simulation:
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
         self.forces = ContactForces(
-            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults
+            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults, self.walls
         )
         self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
         self.measure = Measure(self.forces, self.integrator)

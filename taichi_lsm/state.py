@@ -57,13 +57,13 @@ def bytes_per_row(variables, sizes):
     return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
 
 
-def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=False, several=False):
+def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=False, several=False, sheared=False):
     """Rows of the grain state that a scene needs.
 
     rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;
     ledger: number of effects that book dissipated energy; onset: contacts begin and end with impulses; tumbles:
     oriented in 3D, where the angular momentum is the state and the spin follows from it; several: grains of
-    several parts, whose places turn with the grain.
+    several parts, whose places turn with the grain; sheared: the cell is in homogeneous shear.
     """
     rows = [
         Variable("id", ("grain",), "i32", "1", "persistent number of the grain in this slot", True),
@@ -102,6 +102,8 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
             Variable("cap_radius", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
             Variable("travel", ("grain",), "f64", "m", "way of the farthest surface point so far, at most", True),
         ]
+    if sheared:
+        rows.append(Variable("shear_work", ("grain",), "f64", "J", "work of shearing the cell, of its row", True))
     if ledger:
         rows.append(Variable("dissipated", ("grain", "ledger"), "f64", "J", "energy dissipated by effect", True))
     return rows

@@ -44,7 +44,7 @@ def simulate(new_scene, threads=1):
     return lsm.Simulation(new_scene, precision=PRECISION, threads=threads)
 
 
-def reload(sim, dt=None, **columns):
+def reload(sim, dt=None, strain=0.0, **columns):
     """Start `sim` again from these state columns (velocity and spin at the same time as position), without a past."""
     for name, values in columns.items():
         getattr(sim.state, name).from_numpy(values)
@@ -54,6 +54,11 @@ def reload(sim, dt=None, **columns):
     if sim.platens:
         for name in ("displacement", "velocity", "force", "force_sum", "force_square_sum", "work", "dissipated"):
             getattr(sim.platens, name).fill(0.0)
+    if sim.domain.sheared:
+        sim.domain.set_shear(sim.scene.shear_rate, sim.scene.widest(), strain)
+        sim.grains.shear_work.fill(0.0)
+    if sim.walls:
+        sim.walls.begin(sim.scene.walls)
     if dt is not None:
         set_dt(sim, dt)
     sim.step = 0

@@ -208,6 +208,8 @@ class NeighbourList:
             first = p.row_start[k]
             self.search.visit(k, first, p, True)
             g.built_position[k] = g.position[k]
+            if ti.static(self.search.domain.sheared):
+                self.search.domain.built_strain[0] = self.search.domain.strain[0]
             if ti.static(p.several):
                 g.built_orientation[k] = g.orientation[k]
             old = g.previous_slot[k]

@@ -60,7 +60,8 @@ class SparseGrid:
         for axis in range(self.dim):
             if self.domain.periodic[axis]:
                 length = self.domain.length[axis]
-                cells[axis] = min(max(1, int(length / reach)), self.extent)
+                least = reach * (self.domain.widening() if axis == 0 else 1.0)
+                cells[axis] = min(max(1, int(length / least)), self.extent)
                 inverse[axis] = cells[axis] / length
         for axis in range(self.dim):  # each `from_numpy` would be a kernel to compile
             self.cells[axis], self.inverse_width[axis] = int(cells[axis]), inverse[axis]
@@ -94,7 +95,7 @@ class SparseGrid:
             self.occupied[None] = 0
             for s in range(count[None]):
                 k = count[None] - 1 - s  # backwards, so that each cell lists its grains in rising slots
-                cell = self.cell_of(position[k])
+                cell = self.cell_of(self.domain.straightened(position[k]))
                 first = self.head[cell]
                 c = self.occupied[None]
                 if first > 0:

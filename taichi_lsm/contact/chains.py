@@ -46,17 +46,17 @@ class ChainTable:
         seams = [p.seam[i] if len(p.seam) else np.zeros((2, 2)) for p, i in zip(parts, closed)]
         fill_rows(self.seam, np.concatenate(seams))
 
-    def contact(self, grains, pairs, faults):
+    def contact(self, grains, pairs, faults, domain):
         """The geometry that reads this table."""
-        return ChainContact(self, grains, pairs, faults)
+        return ChainContact(self, grains, pairs, faults, domain)
 
 
 @ti.data_oriented
 class ChainContact:
     """Finds where two chains touch; the pair of arcs is remembered in `pairs.feature`."""
 
-    def __init__(self, table, grains, pairs, faults):
-        self.table, self.grains, self.pairs, self.faults = table, grains, pairs, faults
+    def __init__(self, table, grains, pairs, faults, domain):
+        self.table, self.grains, self.pairs, self.faults, self.domain = table, grains, pairs, faults, domain
         self.real = current().real
         # one accepted violation of a seam, for directions that rounding leaves between two arcs
         self.seam_tolerance = 1e-12 if self.real == ti.f64 else 1e-5
@@ -94,6 +94,20 @@ class ChainContact:
             if step == 0:
                 arc = i
         return arc
+
+    @ti.func
+    def feature_along(self, a, k, u):
+        """As for every kind of surface: the patch of part a of grain k whose normals hold the world direction u."""
+        return self.arc_towards(a, k, u)
+
+    @ti.func
+    def surface_point(self, a, k, i, turn, n):
+        """(point with the normal n of arc i of part a, continued as a circle, from the centre of grain k turned by
+        `turn`; its radius) [m]."""
+        g, t = self.grains, self.table
+        row = t.first[a] + i
+        radius = t.patch_radius[row] * g.scale[k]
+        return rotate(ti.cast(turn, self.real), t.centre[row]) * g.scale[k] + radius * n, radius
 
     @ti.func
     def overlap(self, a, b, k, l, s, d):
@@ -174,6 +188,8 @@ class ChainContact:
             + spin_velocity(omega_l, p_j)
             - spin_velocity(omega_k, p_i)
         )
+        if ti.static(self.domain.sheared):
+            v[0] -= ti.cast(self.domain.border_speed(g.position[k], g.position[l]), self.real)
         rate = cross2(w, v) / w.dot(w)
         time = ti.max(self.leaving(a, k, i, u_k, rate - omega_k[0]), self.leaving(b, l, j, u_l, rate - omega_l[0]))
         return time / dt, depth, n, x

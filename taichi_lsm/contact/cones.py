@@ -43,7 +43,7 @@ class ConeTable:
         fill_rows(self.axis, axis)
         fill_rows(self.cosine, np.where(angle < np.pi, np.cos(angle), FULL))
 
-    def contact(self, grains, pairs, faults):
+    def contact(self, grains, pairs, faults, domain):
         """The geometry that reads this table."""
         return ConeContact(self, grains, faults)
 

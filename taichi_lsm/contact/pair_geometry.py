@@ -19,7 +19,7 @@ class PairGeometry:
         self.parts, self.several = parts, parts is not None
         self.shaped = surfaces is not None
         if self.shaped:
-            self.surface = surfaces.contact(grains, pairs, faults)
+            self.surface = surfaces.contact(grains, pairs, faults, domain)
         self.real = current().real
         self.dim = grains.dim
         self.reaches = reach > 0.0
@@ -53,6 +53,21 @@ class PairGeometry:
     def shortest(self, k, l):
         """Vector from grain k to the nearest image of grain l [m], in the precision of the contact geometry."""
         return ti.cast(self.domain.displacement(self.grains.position[k], self.grains.position[l]), self.real)
+
+    @ti.func
+    def relative_velocity(self, k, l):
+        """Velocity of the centre of the nearest image of grain l against that of grain k [m s-1]."""
+        g = self.grains
+        v = g.velocity[l] - g.velocity[k]
+        if ti.static(self.domain.sheared):
+            v[0] -= self.domain.border_speed(g.position[k], g.position[l])
+        return ti.cast(v, self.real)
+
+    @ti.func
+    def book_shear(self, k, moment):
+        """Enter the work -rate sigma_xy V dt of shearing; moment [N m s]: part of sigma_xy V dt of grain k's row."""
+        g = self.grains
+        g.shear_work[k] = g.shear_work[k] - self.domain.shear_rate[0] * moment
 
     @ti.func
     def parts_of(self, k, l, s):

@@ -72,7 +72,7 @@ class PolyhedronTable:
             fill_rows(self.offset, np.concatenate([t["bound_offset"] for t in tables]))
             fill_rows(self.beyond, np.concatenate([t["bound_next"] for t in tables]))
 
-    def contact(self, grains, pairs, faults):
+    def contact(self, grains, pairs, faults, domain):
         """The geometry that reads this table."""
         return PolyhedronContact(self, grains, pairs, faults)
 
@@ -148,6 +148,18 @@ class PolyhedronContact:
                 if miss < worst:
                     worst, f = miss, other
         return f
+
+    @ti.func
+    def feature_along(self, a, k, u):
+        """The feature of part a of grain k whose normals hold the world direction u."""
+        return self.feature_of(a, unrotate(ti.cast(self.grains.orientation[k], self.real), u), 0)
+
+    @ti.func
+    def surface_point(self, a, k, f, turn, n):
+        """(point with the normal n of feature f of part a, continued beyond its bounds, from the centre of grain k
+        turned by `turn`; its radius) [m]."""
+        c, axis, rho, radius = self.placed(a, f, k, turn)
+        return c + core_point(n, axis, rho) + radius * n, radius
 
     @ti.func
     def overlap(self, a, b, k, l, s, d):
