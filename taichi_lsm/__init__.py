@@ -24,6 +24,8 @@ _HOME = {
     "ViscousDamping": "effects.viscous_damping",
     "Gravity": "effects.gravity",
     "find_effects": "effects",
+    "ElasticBrittleBond": "effects.elastic_brittle_bond",
+    "fragments": "bonds",
     "GrainShape": "shapes",
     "ArcChain": "shapes",
     "disc": "shapes",

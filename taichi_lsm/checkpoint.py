@@ -93,6 +93,8 @@ def _tables(sim):
         ("list", LIST_ROWS, sim.pairs, count + 1),
         ("pairs", sim.pairs.variables, sim.pairs, pairs),
     ]
+    if sim.bonds:
+        tables.append(("bonds", sim.bonds.variables, sim.bonds, sim.bonds.count))
     if sim.platens:
         tables.append(("platens", (*PLATEN_ROWS, DRIVE_ROW), sim.platens, sim.platens.count))
     return tables
@@ -111,6 +113,7 @@ def _make_up(sim):
         "integrator": scene.integrator.__name__,
         "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
         "platens": ", ".join(p.name for p in scene.platens),
+        **({"bonds": np.int64(sim.bonds.count)} if sim.bonds else {}),
     }
 
 

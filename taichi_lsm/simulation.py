@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .bonds import Bonds, FreedContacts, bond_law, bond_rate, checked_bonds
 from .contact.broad import NeighbourList, NeighbourSearch, grown
 from .contact.faults import Faults
 from .contact.pairs import Pairs
@@ -41,6 +42,7 @@ class Scene:
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
+    bonds (m, 2): ids of grains bonded at the start, without stress; None for none; sorted here, lower id first;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
     ledger: book the energy dissipated by each effect; parallel: share the grains among all threads
     (True) or not (False); default: if there are many.
@@ -69,6 +71,7 @@ class Scene:
     integrator: type = OnsetVerlet
     ledger: bool = True
     parallel: bool | None = None
+    bonds: np.ndarray | None = None
 
     def __post_init__(self):
         if self.dim not in (2, 3):
@@ -82,6 +85,8 @@ class Scene:
         self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
         self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
         self.thickness = float(np.mean(self.scale)) if self.thickness is None else self.thickness
+        if self.bonds is not None:
+            self.bonds = checked_bonds(self.bonds, n)
         self._check(n)
 
     def _orient(self, n):
@@ -140,6 +145,8 @@ class Scene:
             same = [e.name for e in self.effects if e.role == role]
             if len(same) > 1:
                 raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
+        if (bond_law(self.effects) is None) != (self.bonds is None):
+            raise InputError("Scene.bonds: a law of bonds in `effects` and bonded grains, must be given both or neither")
         for effect in self.effects:
             effect.check(self)
         if self.skin is None:
@@ -185,6 +192,7 @@ class Scene:
             lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
             coordination=COORDINATION[self.dim],
             normal_stiffness=sum(e.normal_stiffness() for e in self.effects),
+            bond_rate=0.0 if self.bonds is None else bond_rate(self),
         )
 
     def stable_dt(self):
@@ -238,12 +246,13 @@ class Simulation:
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
         kind = kind_of(scene.shapes)
         shaped, several = kind != "sphere", max(len(s.parts) for s in scene.shapes) > 1
-        self.rotates = shaped or any(e.phase == "tangential" or e.couples for e in scene.effects)
+        bonded = scene.bonds is not None
+        self.rotates = shaped or bonded or any(e.phase == "tangential" or e.couples for e in scene.effects)
         books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
         onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
         tumbles = shaped and scene.dim == 3
-        rows = grain_variables(self.rotates, shaped, shaped, len(books), onset, tumbles, several)
+        rows = grain_variables(self.rotates, shaped or bonded, shaped, len(books), onset, tumbles, several)
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
             self.domain = Domain(scene.lengths, scene.periodic)
@@ -253,11 +262,13 @@ class Simulation:
             self.parts = PartTable(scene.shapes, self.grains) if several else None
             self.state = StateView(self.grains)
             when_allocated(lambda: self._load_scene(shaped))
+            law = next((e for e in self.effects if e.phase == "bond"), None)
+            self.bonds = Bonds(scene, law, self.grains, self.domain) if bonded else None
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
-            self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
+            self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts, self.bonds)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
         dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0) if n <= MANY else 0
@@ -280,6 +291,8 @@ class Simulation:
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
         mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
+        if mine[0] == mine[1] and self.bonds and len(scene.bonds) != self.bonds.count:
+            raise InputError(f"Simulation.load: {len(scene.bonds)} bonds, must be {self.bonds.count}")
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0
@@ -293,6 +306,8 @@ class Simulation:
         if self.parts:
             self.parts.fill(scene.shapes)
         self._load_scene(self.surfaces is not None)
+        if self.bonds:
+            self.bonds.fill(scene)
         if scene.ledger and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
         self.pairs.row_start.fill(0)  # nothing is remembered of the pairs
@@ -316,8 +331,9 @@ class Simulation:
         if self.rotates:
             state.spin.from_numpy(scene.spin)
             state.inverse_inertia.from_numpy(1.0 / inertia)
-        if shaped:
+        if self.grains.has("orientation"):
             state.orientation.from_numpy(scene.turns())
+        if shaped:
             state.shape.from_numpy(scene.shape)
             state.scale.from_numpy(scene.scale)
             state.cap_radius.from_numpy(scene.per_grain("cap_radius"))
@@ -327,8 +343,9 @@ class Simulation:
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
         self.forces = ContactForces(
-            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults
+            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults, self.bonds
         )
+        self.freed = FreedContacts(self.bonds, self.forces) if self.bonds else None
         self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
         self.measure = Measure(self.forces, self.integrator)
 
@@ -382,3 +399,5 @@ class Simulation:
             self._compose(grown(self.pairs, self.scene.dim, capacity, self.rotates, int(GROWTH * wanted)))
         self.neighbours.write()
         self.rebuilds += 1
+        if self.bonds:
+            self.freed.begin()
