@@ -35,6 +35,7 @@ _HOME = {
     "regular_disc_of_arcs": "shapes",
     "random_angular_shapes": "shapes",
     "pave": "shapes",
+    "angular_aggregate": "shapes",
     "PatchGrain": "shapes",
     "Union": "shapes",
     "from_chain": "shapes",

@@ -7,7 +7,6 @@ persistent ids, so that the bits depend neither on threads nor on where the grai
 import numpy as np
 
 from .contact.pairs import TOUCHING
-from .effects.base import require
 from .errors import InputError
 from .rotation import rotate, torque_of
 from .runtime import ti, when_allocated
@@ -50,8 +49,17 @@ def inverse(turn):
     return result
 
 
-def checked_bonds(pairs, count):
-    """Bonds (m, 2) of `count` grains with the lower id first, sorted. Raises InputError if they make no sense."""
+def checked_bonds(pairs, effects, count):
+    """Bonds (m, 2) of `count` grains with the lower id first, sorted, or None for none.
+
+    Raises InputError if they make no sense, or if the effects hold a law of bonds and there are none or the reverse.
+    """
+    if (bond_law(effects) is None) != (pairs is None):
+        raise InputError(
+            "Scene.bonds: a law of bonds in Scene.effects and bonded grains, must be given both or neither"
+        )
+    if pairs is None:
+        return None
     pairs = np.asarray(pairs)
     if pairs.ndim != 2 or pairs.shape[1] != 2 or len(pairs) == 0 or pairs.dtype.kind not in "iu":
         raise InputError(f"Scene.bonds: {pairs.dtype} array of shape {pairs.shape}, must be integers (m, 2), m > 0")
@@ -89,11 +97,13 @@ def bond_numbers(scene):
 
 
 def bond_law(effects):
-    """The law of the bonds, None if there is none. Raises InputError for a second one."""
-    laws = [e for e in effects if e.phase == "bond"]
-    if len(laws) > 1:
-        require(False, laws[1], "phase", "bond", "listed once")
-    return laws[0] if laws else None
+    """The law of the bonds, None if there is none."""
+    return next((e for e in effects if e.phase == "bond"), None)
+
+
+def bond_count(scene):
+    """Number of bonds of a scene."""
+    return 0 if scene.bonds is None else len(scene.bonds)
 
 
 def bond_rate(scene):
@@ -181,7 +191,7 @@ class Bonds:
 
     @ti.func
     def placed(self, b):
-        """(distance of the ends u [m], turn of the second grain against the first, axis as each carries it, arms [m])."""
+        """(distance of the ends u [m], turn of second grain against first, axis as each carries it, arms [m])."""
         g = self.grains
         k, l = g.slot_of[self.first[b]], g.slot_of[self.second[b]]
         arm_k = rotate(g.orientation[k], self.anchor_first[b])

@@ -18,7 +18,8 @@ class Measure:
 
     translational_energy, rotational_energy [J] of mobile grains; energy_<law> [J] stored and dissipated_<law> [J]
     booked by each law; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
-    grains, twice for a pair of them); sliding_count; bond_count (intact ones, in scenes with bonds); deepest (greatest depth over its cap);
+    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap); bond_count (intact ones,
+    in scenes with bonds);
     stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
     at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
     """

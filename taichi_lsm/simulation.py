@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .bonds import Bonds, FreedContacts, bond_law, bond_rate, checked_bonds
+from .bonds import Bonds, FreedContacts, bond_count, bond_law, bond_rate, checked_bonds
 from .contact.broad import NeighbourList, NeighbourSearch, grown
 from .contact.faults import Faults
 from .contact.pairs import Pairs
@@ -85,8 +85,6 @@ class Scene:
         self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
         self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
         self.thickness = float(np.mean(self.scale)) if self.thickness is None else self.thickness
-        if self.bonds is not None:
-            self.bonds = checked_bonds(self.bonds, n)
         self._check(n)
 
     def _orient(self, n):
@@ -145,8 +143,7 @@ class Scene:
             same = [e.name for e in self.effects if e.role == role]
             if len(same) > 1:
                 raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
-        if (bond_law(self.effects) is None) != (self.bonds is None):
-            raise InputError("Scene.bonds: a law of bonds in `effects` and bonded grains, must be given both or neither")
+        self.bonds = checked_bonds(self.bonds, self.effects, n)
         for effect in self.effects:
             effect.check(self)
         if self.skin is None:
@@ -262,8 +259,7 @@ class Simulation:
             self.parts = PartTable(scene.shapes, self.grains) if several else None
             self.state = StateView(self.grains)
             when_allocated(lambda: self._load_scene(shaped))
-            law = next((e for e in self.effects if e.phase == "bond"), None)
-            self.bonds = Bonds(scene, law, self.grains, self.domain) if bonded else None
+            self.bonds = Bonds(scene, bond_law(self.effects), self.grains, self.domain) if bonded else None
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
@@ -287,12 +283,13 @@ class Simulation:
     def load(self, scene):
         """Start again from another scene of the same make-up, without compiling anything.
 
-        The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
+        Numbers of grains and bonds, laws and integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
-        mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
-        if mine[0] == mine[1] and self.bonds and len(scene.bonds) != self.bonds.count:
-            raise InputError(f"Simulation.load: {len(scene.bonds)} bonds, must be {self.bonds.count}")
+        mine = [
+            (s.dim, len(s.position), [type(e) for e in s.effects], s.integrator, bond_count(s))
+            for s in (self.scene, scene)
+        ]
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0

@@ -30,11 +30,11 @@ def bond_turn(turn):
 
 @ti.func
 def bond_energy(u, turn, e_k, e_l, stiffness):
-    """Energy [J] of a bond whose ends are u [m] and `turn` apart: k_n u_n^2/2 + k_s u_s^2/2 + k_b v_b^2/2 + k_t v_t^2/2.
+    """Energy [J] of a bond, half of k_n u_n^2 + k_s u_s^2 + k_b v_b^2 + k_t v_t^2, whose ends are u and `turn` apart.
 
-    u: end of l less end of k; turn: complex number (2D) or quaternion (3D) of l against k; e_k, e_l: unit axis of the
-    bond as each grain carries it, from k to l; v = 2 sin(phi/2) along the axis of the turn; stiffness: k_n, k_s [N m-1],
-    k_b, k_t [N m].
+    u [m]: end of l less end of k; turn: complex number (2D) or quaternion (3D) of l against k; e_k, e_l: unit axis of
+    the bond as each grain carries it, from k to l; v = 2 sin(phi/2) along the axis of the turn; stiffness: k_n, k_s
+    [N m-1], k_b, k_t [N m].
     """
     e, _ = bond_axis(e_k, e_l)
     _, v = bond_turn(turn)
@@ -84,9 +84,7 @@ def bond_loads(u, turn, e_k, e_l, stiffness):
         twist = v.dot(e)
         bend = (v - twist * e).norm()
     shear = (u - stretch * e).norm()
-    return ti.Vector(
-        [stiffness[0] * stretch, stiffness[1] * shear, stiffness[2] * bend, stiffness[3] * ti.abs(twist)]
-    )
+    return ti.Vector([stiffness[0] * stretch, stiffness[1] * shear, stiffness[2] * bend, stiffness[3] * ti.abs(twist)])
 
 
 @ti.data_oriented
@@ -112,6 +110,7 @@ class ElasticBrittleBond(Effect):
     radius_ratio: float = 1.0
 
     phase = "bond"
+    role = "bonds"
     dissipates = True
     equation = "F_n/F_n0 + M_b/M_b0 + F_s/F_s0 + M_t/M_t0 <= 1"
 
