@@ -93,6 +93,19 @@ def test_the_bits_do_not_depend_on_threads_or_on_the_list(tmp_path):
     assert [name for name, value in one["digest"].items() if two["digest"][name] != value] == []
 
 
+def test_a_launch_per_stage_gives_the_same_bits(rubble):
+    """The path of a GPU, taken by the CPU."""
+    rubble.load(bonds_run.rubble())
+    rubble.run(STEPS)
+    crew = bonds_run.digest(rubble)
+    rubble.load(bonds_run.rubble())
+    rubble.integrator.offloaded = True
+    rubble.run(STEPS)
+    rubble.integrator.offloaded = False
+    assert rubble.bonds.intact.to_numpy().sum() < rubble.bonds.count - 10
+    assert bonds_run.digest(rubble) == crew
+
+
 @pytest.mark.parametrize("pieces", (7, 12))
 def test_an_aggregate_is_whole_and_has_the_area_of_a_disc(pieces):
     grain = lsm.angular_aggregate(pieces, 3, corner_radius=0.05)
