@@ -99,6 +99,8 @@ def _tables(sim):
         ("list", LIST_ROWS, sim.pairs, count + 1),
         ("pairs", sim.pairs.variables, sim.pairs, pairs),
     ]
+    if sim.bonds:
+        tables.append(("bonds", sim.bonds.variables, sim.bonds, sim.bonds.count))
     if sim.platens:
         tables.append(("platens", (*PLATEN_ROWS, DRIVE_ROW), sim.platens, sim.platens.count))
     if sim.domain.sheared:
@@ -124,6 +126,7 @@ def _make_up(sim):
         "platens": ", ".join(p.name for p in scene.platens),
         "walls": ", ".join(w.name for w in scene.walls),
         "shear_rate": float(scene.shear_rate or 0.0),
+        **({"bonds": np.int64(sim.bonds.count)} if sim.bonds else {}),
     }
 
 

@@ -18,7 +18,8 @@ class Measure:
 
     translational_energy, rotational_energy [J] of mobile grains; energy_<law> [J] stored and dissipated_<law> [J]
     booked by each law; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
-    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap);
+    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap); bond_count (intact ones,
+    in scenes with bonds);
     stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
     at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
     In a sheared cell velocities are relative to the mean flow, in translational_energy too, and shear_work [J] is what
@@ -31,11 +32,13 @@ class Measure:
         self.stores = [e for e in forces.laws if hasattr(type(e), "contact_energy")]
         self.pulls = [e for e in forces.body_laws if hasattr(type(e), "grain_energy")]
         self.names = ["translational_energy", "rotational_energy"]
-        self.names += [f"energy_{e.name}" for e in self.stores + self.pulls]
+        self.bonds, self.bonded = forces.bonds, forces.bonded
+        self.held = [forces.bonds.law] if self.bonded else []
+        self.names += [f"energy_{e.name}" for e in self.stores + self.held + self.pulls]
         if forces.ledger:
             self.names += [f"dissipated_{e.name}" for e in forces.books]
         self.names += ["shear_work"] if forces.domain.sheared else []
-        self.names += ["contact_count", "contact_ends", "sliding_count"]
+        self.names += ["contact_count", "contact_ends", "sliding_count"] + (["bond_count"] if self.bonded else [])
         self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
         self.at = {name: i for i, name in enumerate(self.names)}
         self.width = len(self.names)
@@ -80,6 +83,19 @@ class Measure:
             for law in ti.static(self.forces.books):
                 spent = g.dissipated[k][ti.static(self.forces.book_of(law))]
                 total[ti.static(self.at["dissipated_" + law.name])] += spent
+
+    @ti.func
+    def add_bond(self, b, low, high, total: ti.template()):
+        """Energy and stress of bond b, if it is intact."""
+        g, bonds = self.grains, self.bonds
+        k, l = g.slot_of[bonds.first[b]], g.slot_of[bonds.second[b]]
+        if bonds.intact[b] == 1:
+            total[ti.static(self.at["bond_count"])] += 1.0
+            total[ti.static(self.at["energy_" + bonds.law.name])] += bonds.energy(b)
+            d = bonds.domain.displacement(g.position[k], g.position[l])
+            part = self.inside(g.position[k][1], d[1], low, high)
+            for a, c in ti.static(ti.ndrange(self.dim, self.dim)):
+                total[ti.static(self.at["stress_xx"] + a * self.dim + c)] += part * bonds.force[b][a] * d[c]
 
     @ti.func
     def add_contact(self, k, s, low, high, total: ti.template()):
@@ -148,6 +164,9 @@ class Measure:
             for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
                 k = g.slot_of[i]
                 self.add_grain(k, low, high, velocity, gradient, total)
+                if ti.static(self.bonded):
+                    for b in range(self.bonds.lead[i], self.bonds.lead[i + 1]):
+                        self.add_bond(b, low, high, total)
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.status[s] & (TOUCHING | ACTING):
                         deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
@@ -177,6 +196,6 @@ class Measure:
         stress = values[first : first + self.dim**2].reshape(self.dim, self.dim) / volume
         result["stress"] = stress
         result["deepest"] = float(values[-1])
-        result["elastic_energy"] = sum(result[f"energy_{e.name}"] for e in self.stores)
+        result["elastic_energy"] = sum(result[f"energy_{e.name}"] for e in self.stores + self.held)
         result["potential_energy"] = sum(result[f"energy_{e.name}"] for e in self.pulls)
         return result

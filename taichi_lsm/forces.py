@@ -26,7 +26,7 @@ class ContactForces:
     what the laws need, `apply_laws` is arithmetic over lanes alone, `keep` scatters the results.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults, walls=None):
+    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults, walls=None, bonds=None):
         reach = max((e.reach() for e in effects), default=0.0)
         self.grains, self.domain, self.pairs, self.walls = grains, domain, pairs, walls
         self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults, reach)
@@ -39,6 +39,7 @@ class ContactForces:
         self.laws = [e for e in in_order(effects) if e.phase in ON_CONTACTS]
         self.body_laws = [e for e in effects if e.phase == "body"]
         self.motion_laws = [e for e in effects if e.phase == "motion"]
+        self.bonds, self.bonded = bonds, bonds is not None
         self.needs = {name for law in self.laws for name in law.needs}
         self.couples = any(law.couples for law in self.laws)
         self.reaches = self.geometry.reaches
@@ -49,6 +50,9 @@ class ContactForces:
         contact_books = [e for e in self.laws if e.dissipates]
         self.books = contact_books + [e for e in self.motion_laws if e.dissipates]
         self.book_count = len(contact_books)
+        if self.bonded:
+            bonds.book = len(self.books)
+            self.books.append(bonds.law)
         self.contact_type = contact_type(self.dim, self.laws)
         self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.correction = OnsetCorrection(self.geometry, self.springs, self.contact_type)
@@ -442,6 +446,10 @@ class ContactForces:
                     kick += pairs.pair_kick[s]
                     if ti.static(self.twists):
                         twist += pairs.pair_twist[s]
+        if ti.static(self.bonded):
+            bond_force, bond_torque = self.bonds.gathered(g.id[k])
+            force += bond_force
+            torque += bond_torque
         for law in ti.static(self.body_laws):
             law.on_grain(g.inverse_mass[k], force)
         return force, torque, kick, twist

@@ -11,7 +11,7 @@ from .rotation import free_rotor, linear_turn, momentum_of, spin_of, turned, unr
 from .runtime import current, ti, when_allocated
 
 TURN_MARGIN = 1.01  # the spin is a mean over the step; the turn may be a little more
-STAGES = 3  # of a step: platens, drift, contacts
+STAGES = 4  # of a step: platens, drift, contacts, and before these the bonds
 MOST_STEPS = 512  # of a launch
 LAST_STAGE = STAGES * (MOST_STEPS + 1)
 GRAIN_STEPS = 4_000_000  # of a launch: short enough to answer a signal at once
@@ -37,6 +37,7 @@ class VelocityVerlet:
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.tumbles = self.grains.has("angular_momentum")
         self.shaped = self.grains.has("travel")
+        self.bonds, self.bonded = forces.bonds, forces.bonded
         self.offloaded, self.serial = current().arch != "cpu", current().serial
         self.dt = ti.field(ti.f64, ())
         self.half_skin = ti.field(ti.f64, ())
@@ -274,6 +275,10 @@ class VelocityVerlet:
                     if ti.static(self.led):
                         self.crew.wait(t, stage)
                     self.crew.wait(t, stage + 1)
+                if ti.static(self.bonded):
+                    if step >= resume or contact_dt == 0.0:
+                        self.work_on_bonds(t, stage + 3, step)
+                if step >= resume:
                     going = ti.cast(self.moved[None] != 1 + step, ti.i32)  # others may have gone on, and moved later
                 if going == 1:
                     part = self.crew.take(t, stage + 2)
@@ -285,6 +290,17 @@ class VelocityVerlet:
         if self.crew.alone(LAST_STAGE):
             self.halted[None] = 1 - going
             self.steps_done[None] = ti.min(step, count) - resume
+
+    @ti.func
+    def work_on_bonds(self, t, stage, step):
+        """Evaluate the bonds. Where one breaks the contact of its grains is missing: a new list, as in `watch`."""
+        part = self.crew.take(t, stage)
+        while part >= 0:
+            for k in range(self.crew.first[part], self.crew.first[part + 1]):
+                if self.bonds.evaluate(k) == 1:
+                    self.moved[None] = 1 + step
+            part = self.crew.hand_in(t, stage)
+        self.crew.wait(t, stage)
 
     @ti.kernel
     def step_offloaded(self):
@@ -299,6 +315,11 @@ class VelocityVerlet:
                     self.advance(k, 0)
                 elif ti.static(self.driven):
                     self.carry(k, 0)
+        if ti.static(self.bonded):
+            for k in range(self.grains.count[None]):
+                if self.halted[None] == 0:
+                    if self.bonds.evaluate(k) == 1:
+                        self.moved[None] = 1
         if self.halted[None] == 0:
             if self.moved[None] == 1:
                 self.halted[None] = 1

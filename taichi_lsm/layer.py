@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 
+from .bonds import fragments
 from .errors import SimulationError
 from .schema import Variable
 
@@ -13,8 +14,8 @@ LOST_BALANCE = 0.1  # part of the work that the energy residual may reach before
 STAGES = ("generate", "consolidate", "shear")
 
 
-def layer_rows():
-    """Schema rows of run.nc."""
+def layer_rows(bonded=False):
+    """Schema rows of run.nc; `bonded`: of a scene with bonds."""
 
     def series(name, units, long_name, dtype="f64", dims=("time",)):
         return Variable(name, dims, dtype, units, long_name)
@@ -69,7 +70,12 @@ def layer_rows():
         series("deepest_overlap", "1", "greatest overlap over its cap"),
         series("inertial_number", "1", "shear rate times diameter times sqrt(density over stress), as measured"),
         series("stage", "1", "stage of the run", dtype="i32"),
-    ]
+    ] + [
+        series("bond_count", "1", "bonds that have not broken", dtype="i32"),
+        series(
+            "fragment_count", "1", "mobile grains that no intact bond joins, or groups that bonds join", dtype="i32"
+        ),
+    ] * bonded
 
 
 class ShearedLayer:
@@ -200,6 +206,9 @@ class ShearedLayer:
             "inertial_number": abs(rate) * self.diameter * np.sqrt(sim.scene.density / self.target),
             "stage": stage,
         }
+        if sim.bonds:
+            row["bond_count"] = int(last["bond_count"])
+            row["fragment_count"] = len(np.unique(fragments(sim)[self.mobile]))
         self._elastic = last["elastic_energy"]
         samples.clear()
         self._check_balance()

@@ -26,12 +26,13 @@ COMMENT = (
     "shape_scale[g] * R[g] patch_centre, its radius is shape_scale[g] * patch_radius, with R[g] the "
     "rotation by orientation[g] (w, x, y, z; in 2D a turn about z)."
 )
+INTACT = {"flag_values": [0, 1], "flag_meanings": ["broken", "intact"]}
 KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
 STATIC_DIMS = ("grain", "space", "quaternion", "shape", "patch")
 
 
-def static_rows(dim):
-    """Schema rows of what does not change: per grain, then per patch of the shape table. dim: 2 or 3."""
+def static_rows(dim, bonded=False):
+    """Schema rows of what does not change: per grain, per patch of the shape table, per bond. dim: 2 or 3."""
     inertia = ("grain",) if dim == 2 else ("grain", "space")
     return [
         Variable("mass", ("grain",), "f64", "kg", "mass of the grain"),
@@ -45,11 +46,15 @@ def static_rows(dim):
         Variable("patch_radius", ("patch",), "f64", "1", "patch radius over shape_scale"),
         Variable("patch_axis", ("patch", "space"), "f64", "1", "outward unit axis of the patch, body frame"),
         Variable("patch_angle", ("patch",), "f64", "rad", "angle between the axis and the edge of the patch"),
-    ]
+    ] + [
+        Variable("bond_first", ("bond",), "i32", "1", "index of the first grain of the bond"),
+        Variable("bond_second", ("bond",), "i32", "1", "index of the second grain of the bond"),
+    ] * bonded
 
 
-def snapshot_rows(dim, rotates=True, oriented=True):
-    """Schema rows of a snapshot; without `rotates` no angular velocity, without `oriented` no orientation."""
+def snapshot_rows(dim, rotates=True, oriented=True, bonded=False):
+    """Schema rows of a snapshot; without `rotates` no angular velocity, without `oriented` no orientation, without
+    `bonded` no bonds."""
     spin = ("time", "grain") if dim == 2 else ("time", "grain", "space")
     rows = [
         Variable("position", ("time", "grain", "space"), "f64", "m", "centre of mass"),
@@ -67,6 +72,8 @@ def snapshot_rows(dim, rotates=True, oriented=True):
                 "unit quaternion w, x, y, z that turns the body frame into the world frame",
             )
         )
+    if bonded:
+        rows.append(Variable("bond_intact", ("time", "bond"), "i32", "1", "whether the bond holds"))
     return rows
 
 
@@ -112,7 +119,7 @@ class GrainsWriter:
         }
         self._check_ragged()
         require_known("extra_attributes", extra_attributes or {}, declared)
-        self.extra = {"kind": KIND, **(extra_attributes or {})}
+        self.extra = {"kind": KIND, "bond_intact": INTACT, **(extra_attributes or {})}
         if "patch_count" in self.static:
             self.extra["patch_count"] = {"sample_dimension": "patch", **self.extra.get("patch_count", {})}
         self._times = []

@@ -24,7 +24,7 @@ class LayerRecorder:
         out = Path(out)
         self.run = RunWriter(
             out / "run.nc",
-            layer_rows(),
+            layer_rows(sim.bonds is not None),
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),
@@ -35,8 +35,8 @@ class LayerRecorder:
         self.grains = GrainsWriter(
             out / "grains.nc",
             _constants(sim.scene),
-            static_rows(dim),
-            snapshot_rows(dim, rotates=sim.rotates, oriented=oriented),
+            static_rows(dim, sim.bonds is not None),
+            snapshot_rows(dim, rotates=sim.rotates, oriented=oriented, bonded=sim.bonds is not None),
             attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
         )
 
@@ -60,6 +60,8 @@ class LayerRecorder:
             arrays["angular_velocity"] = spin[:, 0] if scene.dim == 2 else spin
         if self.sim.grains.has("orientation"):
             arrays["orientation"] = _quaternions(state.orientation.to_numpy())
+        if self.sim.bonds:
+            arrays["bond_intact"] = self.sim.bonds.intact.to_numpy()
         self.grains.append(self.sim.time, arrays)
 
     def __enter__(self):
@@ -84,7 +86,8 @@ def _constants(scene):
     """What does not change: per grain, then per patch of the shape table."""
     mass, inertia = scene.masses()
     patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
-    return {
+    ends = {} if scene.bonds is None else {"bond_first": scene.bonds[:, 0], "bond_second": scene.bonds[:, 1]}
+    return ends | {
         "mass": mass,
         "inertia": inertia[:, 0] if scene.dim == 2 else inertia,
         "bounding_radius": scene.per_grain("bounding_radius"),

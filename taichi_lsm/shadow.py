@@ -66,6 +66,9 @@ class ShadowEnergy:
         """Add the elastic energy of each grain's row, times `weight`, to its term."""
         g, pairs = self.grains, self.pairs
         for k in range(g.count[None]):
+            if ti.static(self.forces.bonded):
+                for b in range(self.forces.bonds.lead[g.id[k]], self.forces.bonds.lead[g.id[k] + 1]):
+                    self.term[k] += weight * self.forces.bonds.energy(b)
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                 if pairs.status[s] & TOUCHING:
                     l = pairs.partner[s]

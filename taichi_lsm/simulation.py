@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .bonds import Bonds, FreedContacts, bond_count, bond_law, bond_rate, checked_bonds
 from .contact.broad import NeighbourList, NeighbourSearch, grown
 from .contact.faults import Faults
 from .contact.pairs import Pairs
@@ -44,6 +45,7 @@ class Scene:
     along x, is added to `velocity`;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
+    bonds (m, 2): ids of grains bonded at the start, without stress; None for none; sorted here, lower id first;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
     ledger: book the energy dissipated by each effect; parallel: share the grains among all threads
     (True) or not (False); default: if there are many.
@@ -74,6 +76,7 @@ class Scene:
     integrator: type = OnsetVerlet
     ledger: bool = True
     parallel: bool | None = None
+    bonds: np.ndarray | None = None
 
     def __post_init__(self):
         if self.dim not in (2, 3):
@@ -145,6 +148,7 @@ class Scene:
             same = [e.name for e in self.effects if e.role == role]
             if len(same) > 1:
                 raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
+        self.bonds = checked_bonds(self.bonds, self.effects, n)
         for effect in self.effects:
             effect.check(self)
         if self.skin is None:
@@ -195,6 +199,7 @@ class Scene:
             lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
             coordination=COORDINATION[self.dim],
             normal_stiffness=sum(e.normal_stiffness() for e in self.effects),
+            bond_rate=0.0 if self.bonds is None else bond_rate(self),
         )
 
     def stable_dt(self):
@@ -248,14 +253,14 @@ class Simulation:
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
         kind = kind_of(scene.shapes)
         shaped, several = kind != "sphere", max(len(s.parts) for s in scene.shapes) > 1
-        self.rotates = shaped or any(e.phase == "tangential" or e.couples for e in scene.effects)
+        bonded = scene.bonds is not None
+        self.rotates = shaped or bonded or any(e.phase == "tangential" or e.couples for e in scene.effects)
         books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
         onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
         tumbles = shaped and scene.dim == 3
-        rows = grain_variables(
-            self.rotates, shaped, shaped, len(books), onset, tumbles, several, bool(scene.shear_rate)
-        )
+        oriented, sheared = shaped or bonded, bool(scene.shear_rate)
+        rows = grain_variables(self.rotates, oriented, shaped, len(books), onset, tumbles, several, sheared)
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
             self.domain = Domain(scene.lengths, scene.periodic, scene.shear_rate or 0.0)
@@ -265,6 +270,7 @@ class Simulation:
             self.parts = PartTable(scene.shapes, self.grains) if several else None
             self.state = StateView(self.grains)
             when_allocated(lambda: self._load_scene(shaped))
+            self.bonds = Bonds(scene, bond_law(self.effects), self.grains, self.domain) if bonded else None
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
@@ -273,7 +279,7 @@ class Simulation:
             if scene.walls:
                 room = self.grains.slot_of.shape[0]
                 self.walls = Walls(scene.walls, scene.dim, room, self.rotates, self.history, onset)
-            self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
+            self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts, self.bonds)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
         dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0) if n <= MANY else 0
@@ -292,11 +298,18 @@ class Simulation:
     def load(self, scene):
         """Start again from another scene of the same make-up, without compiling anything.
 
-        The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
+        Numbers of grains and bonds, laws and integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
         mine = [
-            (s.dim, len(s.position), [type(e) for e in s.effects], s.integrator, [w.name for w in s.walls])
+            (
+                s.dim,
+                len(s.position),
+                [type(e) for e in s.effects],
+                s.integrator,
+                [w.name for w in s.walls],
+                bond_count(s),
+            )
             for s in (self.scene, scene)
         ]
         if mine[0] != mine[1] or scene.platens or self.platens:
@@ -314,6 +327,8 @@ class Simulation:
         if self.walls:
             self.walls.begin(scene.walls)
         self._load_scene(self.surfaces is not None)
+        if self.bonds:
+            self.bonds.fill(scene)
         if scene.ledger and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
         self.pairs.row_start.fill(0)  # nothing is remembered of the pairs
@@ -340,8 +355,9 @@ class Simulation:
         if self.rotates:
             state.spin.from_numpy(scene.spin)
             state.inverse_inertia.from_numpy(1.0 / inertia)
-        if shaped:
+        if self.grains.has("orientation"):
             state.orientation.from_numpy(scene.turns())
+        if shaped:
             state.shape.from_numpy(scene.shape)
             state.scale.from_numpy(scene.scale)
             state.cap_radius.from_numpy(scene.per_grain("cap_radius"))
@@ -351,8 +367,17 @@ class Simulation:
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
         self.forces = ContactForces(
-            self.grains, self.surfaces, self.parts, self.domain, pairs, self.effects, self.faults, self.walls
+            self.grains,
+            self.surfaces,
+            self.parts,
+            self.domain,
+            pairs,
+            self.effects,
+            self.faults,
+            self.walls,
+            self.bonds,
         )
+        self.freed = FreedContacts(self.bonds, self.forces) if self.bonds else None
         self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
         self.measure = Measure(self.forces, self.integrator)
 
@@ -406,3 +431,5 @@ class Simulation:
             self._compose(grown(self.pairs, self.scene.dim, capacity, self.rotates, int(GROWTH * wanted)))
         self.neighbours.write()
         self.rebuilds += 1
+        if self.bonds:
+            self.freed.begin()

@@ -22,7 +22,7 @@ LAYERS = [
     {"domain", "shapes"},
     {"state", "packing"},
     {"effects", "contact"},
-    {"onset", "walls"},
+    {"onset", "walls", "bonds"},
     {"forces"},
     {"integrators", "drives", "diagnostics", "analysis", "output", "output_grains", "output_rows", "checkpoint"},
     {"simulation", "energy_file"},

@@ -20,6 +20,10 @@ from workflows.summary import Figure, write_summary
 SAMPLES_PER_ROW = 5  # a sample costs as much as a dozen steps
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
+AGGREGATES = 24  # different breakable grains in a layer, at most
+BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
+BOND_POISSON = 0.25
+BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
@@ -55,6 +59,9 @@ class Params(BaseParams):
     stiffness_number: float = Field(1000.0, ge=100, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]")
     inertial_number: float = Field(1e-3, gt=0, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
     corner_radius: float = Field(0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
+    breakable: bool = Field(False, description="angular grains are bonded pieces that can break, 2D only")
+    pieces: int = Field(7, ge=2, le=40, description="pieces of a breakable grain [1]")
+    bond_strength: float = Field(20.0, gt=0, description="tensile strength of the bonds over the normal stress [1]")
     strain: float = Field(5.0, gt=0, description="shear strain to reach [1]")
     steady_from: float = Field(1.0, ge=0, description="strain from which the steady state is averaged [1]")
     rows_per_strain: int = Field(100, ge=10, description="rows of run.nc per unit of shear strain [1]")
@@ -85,7 +92,9 @@ class Params(BaseParams):
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {least:g}: "
                 f"the steady state needs {LEAST_ROWS} rows"
             )
-        least_kappa = 5.0 / self.corner_radius
+        if self.breakable and (self.shape != "angular" or self.dim != 2):
+            problems.append(f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}")
+        least_kappa = 5.0 / self.corner_radius * (self.pieces**0.5 if self.breakable else 1.0)
         if self.shape == "angular" and self.stiffness_number < least_kappa:
             problems.append(
                 f"--stiffness-number {self.stiffness_number:g} must be >= {least_kappa:g} with --corner-radius "
@@ -127,20 +136,13 @@ def build(params) -> "lsm.Scene":
     area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
     one = lsm.disc() if dim == 2 else lsm.sphere()
     count = p.grains or round(PACKED[dim] * thickness * float(np.prod(lengths)) / (one.measure * d**dim))
-    shapes = [one]
-    if p.shape == "angular":
-        angular = lsm.random_angular_shapes if dim == 2 else lsm.random_angular_polyhedra
-        shapes += angular(min(count, SHAPES[dim]), p.seed, p.corner_radius)
-    scale = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
-    shape = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
-    reach = np.array([s.bounding_radius for s in shapes])[shape] * scale
-    loose = lsm.loose_packing(rng, reach, lengths, dim)
-    turns = lsm.random_rotations(rng, count, dim)
+    make = _breakable_grains if p.breakable else _grains
+    shapes, shape, loose, scale, turns, top, bonds = make(p, rng, count, lengths, [one])
 
     platens = [lsm.rough_platen(rng, p.smallest_diameter, p.largest_diameter, lengths, dim) for _ in range(2)]
     (low, low_size), (high, high_size) = platens
     low[:, 1] -= (low[:, 1] + 0.5 * low_size).max()
-    high[:, 1] += (loose[:, 1] + reach).max() - (high[:, 1] - 0.5 * high_size).min()
+    high[:, 1] += top - (high[:, 1] - 0.5 * high_size).min()
     position = np.concatenate([loose, low, high])
     glued = np.repeat([0, 1], [len(low), len(high)])
 
@@ -165,12 +167,13 @@ def build(params) -> "lsm.Scene":
         scale=scene_size,
         **_turned(turns, len(glued)),
         density=p.density,
-        platen=np.concatenate([np.full(count, -1), glued]),
+        platen=np.concatenate([np.full(len(scale), -1), glued]),
         platens=[
             lsm.Platen("bottom", [lsm.Fixed()] * dim),
             lsm.Platen("top", [_driven(p, 0.0), servo, *still]),
         ],
         effects=laws(p),
+        bonds=bonds,
         thickness=d,
         area=area,
         safety=p.step_safety,
@@ -186,7 +189,52 @@ def laws(p):
     ]
     given = lsm.make_effects(p.effects)
     taken = {law.role or law.phase for law in given}
+    usual += [_bond(p)] if p.breakable else []
     return [law for law in usual if (law.role or law.phase) not in taken] + given
+
+
+def _bond(p):
+    """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
+    return lsm.ElasticBrittleBond(
+        young=p.stiffness / (BOND_WIDTH * p.diameter),
+        poisson=BOND_POISSON,
+        cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),
+        friction_angle=BOND_ANGLE,
+        radius_ratio=BOND_WIDTH,
+    )
+
+
+def _grains(p, rng, count, lengths, shapes):
+    """(shapes, row of each grain, places, diameters, orientations, upper border, no bonds) of a loose packing."""
+    if p.shape == "angular":
+        angular = lsm.random_angular_shapes if p.dim == 2 else lsm.random_angular_polyhedra
+        shapes = shapes + angular(min(count, SHAPES[p.dim]), p.seed, p.corner_radius)
+    scale = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
+    shape = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
+    reach = np.array([s.bounding_radius for s in shapes])[shape] * scale
+    loose = lsm.loose_packing(rng, reach, lengths, p.dim)
+    turns = lsm.random_rotations(rng, count, p.dim)
+    return shapes, shape, loose, scale, turns, (loose[:, 1] + reach).max(), None
+
+
+def _breakable_grains(p, rng, count, lengths, shapes):
+    """As `_grains`, of the pieces of `count` breakable grains (2D), with the bonds between them."""
+    whole = [lsm.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius) for i in range(min(count, AGGREGATES))]
+    size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
+    kind = rng.integers(0, len(whole), count)
+    reach = np.array([grain.reach for grain in whole])[kind] * size
+    middle = lsm.loose_packing(rng, reach, lengths, p.dim)
+    turns = lsm.random_rotations(rng, count, p.dim)
+    c, s = np.cos(turns), np.sin(turns)
+    turn = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+    arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
+    loose = middle[:, None] + np.einsum("nab,npb->npa", turn, arms)
+    scale = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
+    shape = len(shapes) + kind[:, None] * p.pieces + np.arange(p.pieces)
+    bonds = np.concatenate([whole[k].pairs + i * p.pieces for i, k in enumerate(kind)])
+    shapes = shapes + [piece for grain in whole for piece in grain.shapes]
+    turns, top = np.repeat(turns, p.pieces), (middle[:, 1] + reach).max()
+    return shapes, shape.ravel(), loose.reshape(-1, 2), scale.ravel(), turns, top, bonds
 
 
 def _turned(turns, glued):

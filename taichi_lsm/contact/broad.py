@@ -16,10 +16,11 @@ ROOM = 12  # partners that are noted while they are counted; longer rows are sea
 class NeighbourSearch:
     """Finds the pairs nearer than the sum of bounding radii plus the skin [m], with the help of a sparse grid."""
 
-    def __init__(self, grains, domain, skin, parts=None):
+    def __init__(self, grains, domain, skin, parts=None, bonds=None):
         self.grains = grains
         self.domain = domain
         self.parts, self.several = parts, parts is not None
+        self.bonds, self.bonded = bonds, bonds is not None
         self.real, self.serial = current().real, current().serial
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
@@ -40,7 +41,7 @@ class NeighbourSearch:
     def listed(self, k, l):
         """1 if the pair belongs in the row of grain k, else 0, without a branch that depends on a distance.
 
-        Rows hold partners of higher id. Grains glued to platens do not touch each other.
+        Rows hold partners of higher id. Grains glued to platens do not touch each other, nor do bonded ones.
         """
         g = self.grains
         d = self.domain.displacement(g.position[k], g.position[l])
@@ -51,6 +52,9 @@ class NeighbourSearch:
                 near = 0
                 if g.platen[k] != g.platen[l] and d.dot(d) < reach * reach:
                     self.trouble[1] = g.id[k] + 1
+        if ti.static(self.bonded):
+            if near == 1:
+                near -= self.bonds.joined(g.id[k], g.id[l])
         return near
 
     @ti.func

@@ -4,7 +4,7 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
 `Contact`, its own history and nothing else. Hooks that a class does not define are never compiled.
 
     class MyLaw(Effect):                 decorated with @ti.data_oriented
-        phase = "normal"                 normal | damping | tangential | cohesion (in this order) | body | motion
+        phase = "normal"                 normal | damping | tangential | cohesion (in this order) | body | motion | bond
         units = {"stiffness": "N m-1"}   of the fields of the dataclass
         history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact
         needs = ("reduced_radius",)      inputs that only this law wants: see OPTIONAL
@@ -17,6 +17,12 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
         grain_energy(self, inverse_mass, position) -> potential energy [J] of a grain (phase "body")
         on_velocity(self, before, after, dt) -> velocity [m s-1] or spin [rad s-1] or angular momentum that a grain has
             after the kick of a step, in place of `after` (phase "motion")
+        on_bond(self, u, turn, e_k, e_l, stiffness) -> force on l [N], couple on k, couple on l [N m] (phase "bond"; so
+            are the next four, and the arguments are those of elastic_brittle_bond.py)
+        bond_energy(self, u, turn, e_k, e_l, stiffness) -> energy of a bond [J]
+        bond_use(self, u, turn, e_k, e_l, stiffness, strength) -> part of its strength in use; a bond breaks above 1
+        bond_stiffness(self, radius, length, depth) -> (m, 4) numbers per bond, host
+        bond_strength(self, radius, depth) -> (m, 4) numbers per bond, host
         onset_impulse(self, speed, acceleration, fraction, dt) -> impulse [N s], repulsive (phase "normal")
         tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
         reach(self) -> distance of the surfaces up to which the law acts [m], host
@@ -48,7 +54,7 @@ import numpy as np
 from ..errors import InputError
 from ..runtime import current, ti, when_allocated
 
-PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion")
+PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond")
 ON_CONTACTS = PHASES[:4]
 
 
@@ -72,7 +78,8 @@ class Bodies:
 
     dim; least_mass [kg], least_inertia [kg m2]: of the mobile grains; spin_factor [-]: greatest R^2 m/I for
     tangential motion; lever_factor [-]: greatest a^2 m/I for normal motion, a the lever of a surface normal;
-    coordination: contacts that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws.
+    coordination: contacts that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws;
+    bond_rate [s-2]: bound on the square of the angular frequencies of the bonds, 0 without bonds.
     """
 
     dim: int
@@ -82,6 +89,7 @@ class Bodies:
     lever_factor: float
     coordination: float
     normal_stiffness: float
+    bond_rate: float = 0.0
 
 
 # What a contact holds if a law `needs` it.

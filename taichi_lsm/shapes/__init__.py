@@ -1,5 +1,6 @@
 """Grain shapes: what a grain's surface is, and the ways to make one. Host code, no kernels."""
 
+from .aggregates import Aggregate, angular_aggregate
 from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
 from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
@@ -28,6 +29,7 @@ from .union import Union, cross, placed, union
 GrainShape.from_patches = staticmethod(from_patches)
 
 __all__ = [
+    "Aggregate",
     "ArcChain",
     "BallPolyhedron",
     "GrainShape",
@@ -35,6 +37,7 @@ __all__ = [
     "PatchGrain",
     "PolygonMeasures",
     "Union",
+    "angular_aggregate",
     "arc_chain",
     "ball_of_faces",
     "ball_polyhedron",

@@ -21,12 +21,18 @@ def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
     shapes, places, diameters = [], [], []
     for tile in voronoi_tiles(count, length, seed):
         inset = np.array(shapely.Polygon(tile).buffer(-gap, join_style="mitre").exterior.coords)[:-1]
-        fitted = from_polygon(inset, corner_radius, arcs_per_corner=arcs_per_corner, normalise=False)
-        diameter = float(np.sqrt(4.0 * fitted.measure / np.pi))
-        shapes.append(rescaled(fitted, 1.0 / diameter))
-        places.append(_place(fitted, inset))
+        shape, place, diameter = fitted_grain(inset, corner_radius, arcs_per_corner)
+        shapes.append(shape)
+        places.append(place)
         diameters.append(diameter)
     return shapes, np.array(places), np.array(diameters)
+
+
+def fitted_grain(polygon, corner_radius, arcs_per_corner=4):
+    """Grain inside a convex polygon (k, 2) [L]: (shape of equivalent diameter 1, its place (2,) [L], diameter [L])."""
+    fitted = from_polygon(polygon, corner_radius, arcs_per_corner=arcs_per_corner, normalise=False)
+    diameter = float(np.sqrt(4.0 * fitted.measure / np.pi))
+    return rescaled(fitted, 1.0 / diameter), _place(fitted, polygon), diameter
 
 
 def _place(shape: ArcChain, polygon) -> np.ndarray:

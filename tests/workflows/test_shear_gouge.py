@@ -28,6 +28,9 @@ def test_every_wrong_value_is_reported():
         ({"strain": 1.0, "steady_from": 1.0}, "--steady-from"),
         ({"strain": 1.05, "steady_from": 1.0}, "needs 12 rows"),
         ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "--stiffness-number"),
+        ({"shape": "sphere", "breakable": True}, "--breakable needs --shape angular --dim 2"),
+        ({"shape": "angular", "dim": 3, "breakable": True}, "not --shape angular --dim 3"),
+        ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
     ],
 )
 def test_values_that_contradict_each_other_are_refused(values, words):
@@ -98,6 +101,44 @@ def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_ra
     ].value == pytest.approx(mean)
     expected = float(steady.displacement[-1] - steady.displacement[0]) / float(steady.layer_thickness.mean())
     assert float(steady.shear_strain[-1] - steady.shear_strain[0]) == pytest.approx(expected, rel=0.02)
+
+
+def test_breakable_grains_are_bonded_pieces_of_their_area():
+    params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, layer_thickness=8, length=10)
+    scene = shear_gouge.build(params)
+    mobile = scene.platen < 0
+    assert mobile.sum() == 8 * 30 and scene.bonds.max() < 8 * 30
+    assert (scene.bonds[:, 0] // 8 == scene.bonds[:, 1] // 8).all()
+    assert len(np.unique(scene.bonds // 8)) == 30
+    area = (scene.scale[mobile].reshape(30, 8) ** 2).sum(axis=1)
+    assert (area >= params.smallest_diameter**2).all() and (area <= params.largest_diameter**2).all()
+    apart = np.linalg.norm(np.subtract(*scene.position[scene.bonds.T]), axis=1)
+    assert (apart < 0.75 * scene.scale[scene.bonds].sum(axis=1)).all()  # as tiles lie that share a side
+
+
+@pytest.mark.validate
+def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path):
+    params = shear_gouge.Params(
+        shape="angular",
+        breakable=True,
+        grains=40,
+        layer_thickness=8,
+        length=6,
+        inertial_number=2e-2,
+        strain=0.3,
+        steady_from=0.1,
+        precision=runtime.precision,
+    )
+    dataset = shear_gouge.run(params, tmp_path)
+    bonds, fragments = dataset.bond_count.values, dataset.fragment_count.values
+    assert fragments[0] == 40 < fragments[-1] <= 40 * params.pieces
+    assert (np.diff(bonds) <= 0).all() and (np.diff(fragments) >= 0).all()
+    assert shear_gouge.analyse(dataset, params)["energy_residual"].value < 1e-3
+    assert "elastic_brittle_bond" in dataset.effect_name.values
+    grains = lsm.open_run(tmp_path / "grains.nc")
+    assert grains.sizes["bond"] == bonds[0] == grains.bond_intact.values[0].sum()
+    assert grains.bond_intact.values[-1].sum() == bonds[-1]
+    assert (grains.bond_first < grains.bond_second).all()
 
 
 def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeypatch):
