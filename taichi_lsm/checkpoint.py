@@ -107,7 +107,7 @@ def _make_up(sim):
         "dim": np.int64(scene.dim),
         "grains": np.int64(len(sim.grains)),
         "precision": sim.runtime.precision,
-        "effects": ", ".join(type(e).__name__ for e in scene.effects),
+        "effects": ", ".join(type(e).__name__ + (f" ({e.variant})" if e.variant else "") for e in scene.effects),
         "integrator": scene.integrator.__name__,
         "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
         "platens": ", ".join(p.name for p in scene.platens),

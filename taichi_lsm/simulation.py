@@ -279,7 +279,10 @@ class Simulation:
         The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
-        mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
+        mine = [
+            (s.dim, len(s.position), [(type(e), e.variant) for e in s.effects], s.integrator)
+            for s in (self.scene, scene)
+        ]
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0
