@@ -34,6 +34,7 @@ PLATEN_ROWS = tuple(
 DRIVE_ROW = Variable(
     "values", ("platen", "space", "value"), "f64", "1", "values of the drives, in their own units", True
 )
+SPRING_ROW = Variable("stretch", ("platen", "space"), "f64", "m", "stretch of the springs of load points", True)
 
 
 def save_checkpoint(sim, path):
@@ -94,7 +95,8 @@ def _tables(sim):
         ("pairs", sim.pairs.variables, sim.pairs, pairs),
     ]
     if sim.platens:
-        tables.append(("platens", (*PLATEN_ROWS, DRIVE_ROW), sim.platens, sim.platens.count))
+        rows = [*PLATEN_ROWS, DRIVE_ROW] + ([SPRING_ROW] if sim.platens.springs else [])
+        tables.append(("platens", rows, sim.platens, sim.platens.count))
     return tables
 
 

@@ -256,7 +256,7 @@ class Simulation:
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
-                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
+                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass, self._dt)
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]

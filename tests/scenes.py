@@ -54,6 +54,8 @@ def reload(sim, dt=None, **columns):
     if sim.platens:
         for name in ("displacement", "velocity", "force", "force_sum", "force_square_sum", "work", "dissipated"):
             getattr(sim.platens, name).fill(0.0)
+        if sim.platens.springs:
+            sim.platens.stretch.fill(0.0)
     if dt is not None:
         set_dt(sim, dt)
     sim.step = 0

@@ -55,6 +55,9 @@ class Params(BaseParams):
     stiffness_number: float = Field(1000.0, ge=100, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]")
     inertial_number: float = Field(1e-3, gt=0, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
     corner_radius: float = Field(0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
+    load_stiffness: float | None = Field(
+        None, gt=0, description="spring that pulls the top platen; none: its velocity is imposed [N m-1]"
+    )
     strain: float = Field(5.0, gt=0, description="shear strain to reach [1]")
     steady_from: float = Field(1.0, ge=0, description="strain from which the steady state is averaged [1]")
     rows_per_strain: int = Field(100, ge=10, description="rows of run.nc per unit of shear strain [1]")
@@ -163,7 +166,7 @@ def build(params) -> "lsm.Scene":
         platen=np.concatenate([np.full(count, -1), glued]),
         platens=[
             lsm.Platen("bottom", [lsm.Fixed()] * dim),
-            lsm.Platen("top", [_driven(p, 0.0), servo, *still]),
+            lsm.Platen("top", [_driven(p, 0.0, servo.inertia), servo, *still]),
         ],
         effects=[
             lsm.LinearElastic(p.stiffness),
@@ -183,8 +186,10 @@ def _turned(turns, glued):
     return {"orientation": np.concatenate([turns, np.tile([1.0, 0.0, 0.0, 0.0], (glued, 1))])}
 
 
-def _driven(p, velocity):
-    """The shear drive, brought up to speed over one inertial time."""
+def _driven(p, velocity, inertia):
+    """The shear drive: a load point with its spring, or the platen brought up to speed over one inertial time."""
+    if p.load_stiffness:
+        return lsm.SpringLoadPoint(velocity, p.load_stiffness, inertia)
     return lsm.ConstantVelocity(velocity, acceleration=max(abs(velocity), 1e-3 * p.diameter) / p.inertial_time)
 
 
@@ -213,7 +218,7 @@ def consolidate(sim, layer, recorder, params):
 def shear(sim, layer, recorder, params, report):
     """Move the top platen at the velocity of the inertial number until the strain is reached."""
     velocity = params.inertial_number / params.inertial_time * layer.thickness
-    sim.platens.set("top", 0, _driven(params, velocity))
+    sim.platens.set("top", 0, _driven(params, velocity, sim.platens.drives[1][1].inertia))
     layer.begin_shear()
     steps_per_row = params.inertial_time / (params.inertial_number * params.rows_per_strain * sim.dt)
     chunk = max(1, round(steps_per_row / SAMPLES_PER_ROW))

@@ -125,7 +125,7 @@ class RateAndStateFriction(Effect):
         s_new, _ = self.evolved(s, low, r)
         y = ti.select(q > 1.0, q, ln_q + 0.7) - (self.mu_0_[0] + self.b_[0] * s_new) / self.a_[0]
         y = ti.max(low, ti.min(high, y))
-        for step in range(ITERATIONS):  # noqa: B007
+        for step in range(ITERATIONS):
             s_new, s_slope = self.evolved(s, y, r)
             z, slope = self.strength(s_new, y)
             slid = rate * ti.exp(y)
