@@ -24,6 +24,7 @@ SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
+STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
 BOUNDS = {  # what is claimed of the figures of a run, as absolute values
     "platen_bulk_difference": 0.02,
     "energy_residual": 0.01,
@@ -77,7 +78,7 @@ class Params(BaseParams):
         if self.smallest_diameter > self.largest_diameter:
             low, high = self.smallest_diameter, self.largest_diameter
             problems.append(f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left")
-        least = LEAST_ROWS / self.rows_per_strain
+        least = LEAST_ROWS / self.rows_per_strain * (STICK_SLIP if self.load_stiffness else 1)
         if self.strain < self.steady_from + least:
             problems.append(
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {least:g}: "
