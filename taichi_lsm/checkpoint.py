@@ -36,6 +36,7 @@ PLATEN_ROWS = tuple(
 DRIVE_ROW = Variable(
     "values", ("platen", "space", "value"), "f64", "1", "values of the drives, in their own units", True
 )
+SPRING_ROW = Variable("stretch", ("platen", "space"), "f64", "m", "stretch of the springs of load points", True)
 
 
 def save_checkpoint(sim, path):
@@ -102,7 +103,8 @@ def _tables(sim):
     if sim.bonds:
         tables.append(("bonds", sim.bonds.variables, sim.bonds, sim.bonds.count))
     if sim.platens:
-        tables.append(("platens", (*PLATEN_ROWS, DRIVE_ROW), sim.platens, sim.platens.count))
+        rows = [*PLATEN_ROWS, DRIVE_ROW] + ([SPRING_ROW] if sim.platens.springs else [])
+        tables.append(("platens", rows, sim.platens, sim.platens.count))
     if sim.domain.sheared:
         tables.append(("cell", SHEAR_ROWS, sim.domain, 1))
     if sim.walls:
@@ -120,7 +122,7 @@ def _make_up(sim):
         "dim": np.int64(scene.dim),
         "grains": np.int64(len(sim.grains)),
         "precision": sim.runtime.precision,
-        "effects": ", ".join(type(e).__name__ for e in scene.effects),
+        "effects": ", ".join(type(e).__name__ + (f" ({e.variant})" if e.variant else "") for e in scene.effects),
         "integrator": scene.integrator.__name__,
         "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
         "platens": ", ".join(p.name for p in scene.platens),

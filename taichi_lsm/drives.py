@@ -1,7 +1,7 @@
 """What moves the walls of an experiment: rigid platens of glued grains, driven axis by axis.
 
-A platen does not rotate. Each of its axes is driven by one of `Fixed`, `ConstantVelocity`, `ServoStress`; the kinds
-are compiled in, their values live in fields and may change between stages (`Platens.set`).
+A platen does not rotate. Each of its axes is driven by one of `Fixed`, `ConstantVelocity`, `SpringLoadPoint`,
+`ServoStress`; the kinds are compiled in, their values live in fields and may change between stages (`Platens.set`).
 """
 
 from dataclasses import dataclass, field
@@ -60,6 +60,42 @@ class ConstantVelocity:
 
 @ti.data_oriented
 @dataclass
+class SpringLoadPoint:
+    """A load point at `velocity` V [m s-1] pulls the platen by a spring: M x'' = F_contact + K (V t - x).
+
+    stiffness K [N m-1]: of the loading frame; inertia M [kg]: of the platen with what moves along, at least the glued
+    mass. The spring starts without tension and keeps its stretch when the values change. `work` is what the spring
+    does on the platen; K stretch^2/2 lies in the spring, and their sum is the work of the load point.
+    """
+
+    velocity: float
+    stiffness: float
+    inertia: float
+
+    def __post_init__(self):
+        _require(np.isfinite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
+        for name, unit in (("stiffness", "N/m"), ("inertia", "kg")):
+            value = getattr(self, name)
+            _require(np.isfinite(value) and value > 0, self, name, value, f"> 0 {unit}")
+
+    def check_step(self, dt):
+        """Raise InputError if the platen on its spring is too quick for the step [s]: half of what is stable."""
+        most = self.inertia / dt**2
+        _require(self.stiffness <= most, self, "stiffness", self.stiffness, f"<= inertia/dt^2 = {most:g} N/m")
+
+    def values(self, area):
+        return (self.velocity, self.stiffness)
+
+    @ti.func
+    def pull(self, p, v, force, mass, stretch, dt):
+        """As `kick` of the other drives, with the spring's stretch [m] before and, as the last result, after."""
+        tension = p[1] * stretch
+        v_new = v + dt / mass * (force + tension)
+        return v_new, tension * 0.5 * (v + v_new) * dt, 0.0 * v, stretch + (p[0] - v_new) * dt
+
+
+@ti.data_oriented
+@dataclass
 class ServoStress:
     """Servo-controlled normal stress: M y'' = (sigma_contact - sigma) A - C y', y pointing away from the layer.
 
@@ -112,16 +148,18 @@ class Platens:
     """State and motion of all platens, stepped serially: a few rigid bodies with one force sum each.
 
     area [m2]: surface on which stresses act, the same for all; member (n,): platen of each grain, -1 if mobile;
-    mass (n,) [kg] of each grain.
+    mass (n,) [kg] of each grain; dt [s]: the step, against which springs are checked.
     """
 
-    def __init__(self, platens, grains, area, member, mass):
+    def __init__(self, platens, grains, area, member, mass, dt):
         self.names = [p.name for p in platens]
         self.dim = grains.dim
         self.grains = grains
         self.area = area
         self.drives = [list(p.drives) for p in platens]
         self.count = len(platens)
+        self.dt = dt
+        self.springs = any(hasattr(drive, "pull") for drives in self.drives for drive in drives)
         for p in platens:
             if len(p.drives) != self.dim:
                 raise InputError(f"platen {p.name!r}: {len(p.drives)} drives, needs one per axis ({self.dim})")
@@ -142,7 +180,11 @@ class Platens:
         self.force_square_sum = ti.Vector.field(self.dim, ti.f64, shape)
         self.work = ti.Vector.field(self.dim, ti.f64, shape)
         self.dissipated = ti.Vector.field(self.dim, ti.f64, shape)
-        self.state = [getattr(self, name) for name in PUBLISHED]
+        self.published = PUBLISHED
+        if self.springs:
+            self.stretch = ti.Vector.field(self.dim, ti.f64, shape)
+            self.published += ("stretch",)
+        self.state = [getattr(self, name) for name in self.published]
         self.values = ti.Vector.field(VALUES, ti.f64, (self.count, self.dim))
         when_allocated(lambda: self._begin(np.concatenate(glued)))
 
@@ -158,6 +200,8 @@ class Platens:
             self.mass[p] = mass
 
     def _write(self, p, axis, drive):
+        if hasattr(drive, "check_step"):
+            drive.check_step(self.dt)
         values = np.zeros(VALUES)
         given = drive.values(self.area)
         values[: len(given)] = given
@@ -169,21 +213,42 @@ class Platens:
         if type(drive) is not type(self.drives[p][axis]):
             kind = type(self.drives[p][axis]).__name__
             raise InputError(f"platen {name!r}, axis {axis}: {type(drive).__name__} cannot replace {kind}")
-        self.drives[p][axis] = drive
+        if getattr(drive, "inertia", 0.0) != getattr(self.drives[p][axis], "inertia", 0.0):
+            _require(False, drive, "inertia", drive.inertia, "as at the start")
         self._write(p, axis, drive)
+        self.drives[p][axis] = drive
+
+    def load_velocity(self, velocity):
+        """Velocities (platen, axis) [m s-1] of what drives the platens: load points where there are springs."""
+        result = velocity.copy()
+        for p, drives in enumerate(self.drives):
+            for axis, drive in enumerate(drives):
+                if hasattr(drive, "pull"):
+                    result[p, axis] = drive.velocity
+        return result
 
     @ti.func
     def kick(self, dt):
         """Advance the platens' velocities by one step and book the work of their drives."""
         for p in ti.static(range(self.count)):
             for axis in ti.static(range(self.dim)):
-                v, work, lost = self.drives[p][axis].kick(
-                    self.values[p, axis], self.velocity[p][axis], self.force[p][axis], self.mass[p][axis], dt
-                )
+                v, work, lost = self.driven(p, axis, dt)
                 self.velocity[p][axis] = v
                 self.work[p][axis] = self.work[p][axis] + work
                 self.dissipated[p][axis] = self.dissipated[p][axis] + lost
                 self.displacement[p][axis] = self.displacement[p][axis] + v * dt
+
+    @ti.func
+    def driven(self, p: ti.template(), axis: ti.template(), dt):
+        """(velocity [m s-1], work [J], energy dissipated [J]) of one drive in a step."""
+        values, v, force = self.values[p, axis], self.velocity[p][axis], self.force[p][axis]
+        if ti.static(hasattr(self.drives[p][axis], "pull")):
+            stretch = self.stretch[p][axis]
+            v_new, work, lost, after = self.drives[p][axis].pull(values, v, force, self.mass[p][axis], stretch, dt)
+            self.stretch[p][axis] = after
+            return v_new, work, lost
+        else:
+            return self.drives[p][axis].kick(values, v, force, self.mass[p][axis], dt)
 
     @ti.func
     def carry(self, k, dt):
@@ -209,15 +274,16 @@ class Platens:
 
     @ti.kernel
     def publish(self, values: ti.types.ndarray()):
-        for q in ti.static(range(len(PUBLISHED))):
+        for q in ti.static(range(len(self.state))):
             for p in ti.static(range(self.count)):
                 for axis in ti.static(range(self.dim)):
                     values[q, p, axis] = self.state[q][p][axis]
 
     def snapshot(self):
         """{name: array (platen, axis)} of displacement [m], velocity [m s-1], sums over steps of the contact force
-        [N] and of its square [N2], work of the drives [J] and energy they dissipated [J]; read in one go.
+        [N] and of its square [N2], work of the drives [J] and energy they dissipated [J], and, if there are springs,
+        their stretch [m]; read in one go.
         """
-        values = np.zeros((len(PUBLISHED), self.count, self.dim))
+        values = np.zeros((len(self.published), self.count, self.dim))
         self.publish(values)
-        return dict(zip(PUBLISHED, values, strict=True))
+        return dict(zip(self.published, values, strict=True))

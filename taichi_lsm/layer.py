@@ -48,7 +48,9 @@ def layer_rows(bonded=False):
         series("layer_thickness", "m", "distance between the reference planes of the platens"),
         series("porosity", "1", "part of the layer not filled by mobile grains"),
         series("plate_velocity", "m s-1", "velocity of the top platen against the bottom platen along the shear"),
-        series("load_point_velocity", "m s-1", "velocity imposed on the load point; the platen itself is driven"),
+        series(
+            "load_point_velocity", "m s-1", "velocity imposed on the load point, or on the platen if no spring pulls it"
+        ),
         series("translational_energy", "J", "kinetic energy of translation, platens included"),
         series("rotational_energy", "J", "kinetic energy of rotation"),
         series("elastic_energy", "J", "energy stored in the contacts"),
@@ -178,6 +180,7 @@ class ShearedLayer:
         self._work_mark = works
         contacts, normal = mean("contact_count"), float(stress[1, 1])
         rate = last["shear_velocity"] / last["thickness"]
+        driven = sim.platens.load_velocity(now["velocity"])
         row = {
             "time": sim.time,
             "shear_strain": self.strain,
@@ -191,7 +194,7 @@ class ShearedLayer:
             "layer_thickness": mean("thickness"),
             "porosity": 1.0 - self.solid_volume / (self.area * mean("thickness")),
             "plate_velocity": last["shear_velocity"],
-            "load_point_velocity": last["shear_velocity"],
+            "load_point_velocity": float(driven[1, 0] - driven[0, 0]),
             "translational_energy": last["translational_energy"],
             "rotational_energy": last["rotational_energy"],
             "elastic_energy": last["elastic_energy"],

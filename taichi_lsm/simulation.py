@@ -274,7 +274,7 @@ class Simulation:
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
-                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
+                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass, self._dt)
             self.walls = None
             if scene.walls:
                 room = self.grains.slot_of.shape[0]
@@ -305,7 +305,7 @@ class Simulation:
             (
                 s.dim,
                 len(s.position),
-                [type(e) for e in s.effects],
+                [(type(e), e.variant) for e in s.effects],
                 s.integrator,
                 [w.name for w in s.walls],
                 bond_count(s),

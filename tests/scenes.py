@@ -54,6 +54,8 @@ def reload(sim, dt=None, strain=0.0, **columns):
     if sim.platens:
         for name in ("displacement", "velocity", "force", "force_sum", "force_square_sum", "work", "dissipated"):
             getattr(sim.platens, name).fill(0.0)
+        if sim.platens.springs:
+            sim.platens.stretch.fill(0.0)
     if sim.domain.sheared:
         sim.domain.set_shear(sim.scene.shear_rate, sim.scene.widest(), strain)
         sim.grains.shear_work.fill(0.0)

@@ -27,7 +27,7 @@ def layer():
         periodic=(True, False),
         platen=glued,
         platens=[
-            lsm.Platen("bottom", [lsm.Fixed(), lsm.Fixed()]),
+            lsm.Platen("bottom", [lsm.SpringLoadPoint(-0.5, 1e5, 1e4), lsm.Fixed()]),
             lsm.Platen("top", [lsm.ConstantVelocity(0.5), servo]),
         ],
         velocity=np.where(glued[:, None] < 0, rng.normal(size=x.shape), 0.0),

@@ -9,8 +9,13 @@ from taichi_lsm.effects import find_effects
 from taichi_lsm.effects.base import ON_CONTACTS
 
 ROOT = Path(__file__).resolve().parents[1]
-FILES = ("laws/test_every_law.py", "contact/test_chain_contact.py", "physics/test_conservation.py")
-CHOICE = "(test_contract and -0-) or least_separation or momenta"
+FILES = (
+    "laws/test_every_law.py",
+    "contact/test_chain_contact.py",
+    "physics/test_conservation.py",
+    "effects/test_rate_and_state.py",
+)
+CHOICE = "(test_contract and -0-) or least_separation or momenta or twenty_decades"
 
 
 def test_key_tests_pass_in_f32():

@@ -28,6 +28,7 @@ SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
+STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
 BOUNDS = {  # what is claimed of the figures of a run, as absolute values
     "platen_bulk_difference": 0.02,
     "energy_residual": 0.01,
@@ -62,6 +63,9 @@ class Params(BaseParams):
     breakable: bool = Field(False, description="angular grains are bonded pieces that can break, 2D only")
     pieces: int = Field(7, ge=2, le=40, description="pieces of a breakable grain [1]")
     bond_strength: float = Field(20.0, gt=0, description="tensile strength of the bonds over the normal stress [1]")
+    load_stiffness: float | None = Field(
+        None, gt=0, description="spring that pulls the top platen; none: its velocity is imposed [N m-1]"
+    )
     strain: float = Field(5.0, gt=0, description="shear strain to reach [1]")
     steady_from: float = Field(1.0, ge=0, description="strain from which the steady state is averaged [1]")
     rows_per_strain: int = Field(100, ge=10, description="rows of run.nc per unit of shear strain [1]")
@@ -86,7 +90,7 @@ class Params(BaseParams):
         if self.smallest_diameter > self.largest_diameter:
             low, high = self.smallest_diameter, self.largest_diameter
             problems.append(f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left")
-        least = LEAST_ROWS / self.rows_per_strain
+        least = LEAST_ROWS / self.rows_per_strain * (STICK_SLIP if self.load_stiffness else 1)
         if self.strain < self.steady_from + least:
             problems.append(
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {least:g}: "
@@ -170,7 +174,7 @@ def build(params) -> "lsm.Scene":
         platen=np.concatenate([np.full(len(scale), -1), glued]),
         platens=[
             lsm.Platen("bottom", [lsm.Fixed()] * dim),
-            lsm.Platen("top", [_driven(p, 0.0), servo, *still]),
+            lsm.Platen("top", [_driven(p, 0.0, servo.inertia), servo, *still]),
         ],
         effects=laws(p),
         bonds=bonds,
@@ -244,8 +248,10 @@ def _turned(turns, glued):
     return {"orientation": np.concatenate([turns, np.tile([1.0, 0.0, 0.0, 0.0], (glued, 1))])}
 
 
-def _driven(p, velocity):
-    """The shear drive, brought up to speed over one inertial time."""
+def _driven(p, velocity, inertia):
+    """The shear drive: a load point with its spring, or the platen brought up to speed over one inertial time."""
+    if p.load_stiffness:
+        return lsm.SpringLoadPoint(velocity, p.load_stiffness, inertia)
     return lsm.ConstantVelocity(velocity, acceleration=max(abs(velocity), 1e-3 * p.diameter) / p.inertial_time)
 
 
@@ -274,7 +280,7 @@ def consolidate(sim, layer, recorder, params):
 def shear(sim, layer, recorder, params, report):
     """Move the top platen at the velocity of the inertial number until the strain is reached."""
     velocity = params.inertial_number / params.inertial_time * layer.thickness
-    sim.platens.set("top", 0, _driven(params, velocity))
+    sim.platens.set("top", 0, _driven(params, velocity, sim.platens.drives[1][1].inertia))
     layer.begin_shear()
     steps_per_row = params.inertial_time / (params.inertial_number * params.rows_per_strain * sim.dt)
     chunk = max(1, round(steps_per_row / SAMPLES_PER_ROW))

@@ -6,10 +6,11 @@ A law is plain data on the host (validated in `__post_init__`) and a few Taichi 
     class MyLaw(Effect):                 decorated with @ti.data_oriented
         phase = "normal"                 normal | damping | tangential | cohesion (in this order) | body | motion | bond
         units = {"stiffness": "N m-1"}   of the fields of the dataclass
-        history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact
+        history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact; may depend on the instance
         needs = ("reduced_radius",)      inputs that only this law wants: see OPTIONAL
         couples = True                   adds to contact.couple
         role = "friction"                a scene may list one law of each role
+        variant = "slip law"             choices that are compiled in, so that the values of another cannot be loaded
         def parameters(self)             {name: value}: become 0-d fields `self.<name>_`, readable in kernels
         on_contact(self, contact, history) -> energy dissipated in this step [J]
         contact_energy(self, contact, history) -> energy stored now [J]
@@ -140,6 +141,7 @@ class Effect:
     couples = False
     role = ""
     dissipates = False
+    variant = ""
     equation = ""
 
     @property

@@ -17,10 +17,14 @@ class CoulombFriction(Effect):
     coefficient mu [-] >= 0; tangential_stiffness k_t [N m-1] > 0. The spring xi [m] belongs to the pair of grains, so
     sliding over a seam between patches keeps it. It turns with the contact normal and with the mean spin about it.
     The work of slip is booked as (F_old + F_new)/2 . slip, which closes the energy budget of the leapfrog steps.
+
+    dynamic_coefficient mu_d [-], from 0 to mu: the limit of a contact that slides, which it does from when its spring
+    exceeds mu F_n until the spring stays below mu_d F_n. Without it friction has one coefficient and no such memory.
     """
 
     coefficient: float
     tangential_stiffness: float
+    dynamic_coefficient: float | None = None
 
     phase = "tangential"
     role = "friction"
@@ -33,9 +37,19 @@ class CoulombFriction(Effect):
         mu, k_t = self.coefficient, self.tangential_stiffness
         require(np.isfinite(mu) and mu >= 0.0, self, "coefficient", mu, ">= 0")
         require(np.isfinite(k_t) and k_t > 0.0, self, "tangential_stiffness", k_t, "> 0 N/m")
+        mu_d = self.dynamic_coefficient
+        self.drops = mu_d is not None
+        if self.drops:
+            require(0.0 <= mu_d <= mu, self, "dynamic_coefficient", mu_d, f"from 0 to coefficient, {mu:g}, or None")
+            self.history = (*type(self).history, HistoryValue("slides", "1", "1 in a contact that slides, else 0"))
+
+    @property
+    def variant(self):
+        return "static and dynamic" if self.drops else ""
 
     def parameters(self):
-        return {"mu": self.coefficient, "k_t": self.tangential_stiffness}
+        values = {"mu": self.coefficient, "k_t": self.tangential_stiffness}
+        return values | ({"mu_d": self.dynamic_coefficient} if self.drops else {})
 
     def stable_dt(self, bodies):
         """As for the normal spring, with the leverage R^2 m/I of tangential motion."""
@@ -52,6 +66,8 @@ class CoulombFriction(Effect):
             t = ti.Vector([-n[1], n[0]])
             xi_old = history[0]
             trial = xi_old + t.dot(contact.slip) * contact.dt
+            if ti.static(self.drops):
+                limit = self.chosen_limit(limit, trial * trial, contact, history)
             xi = ti.max(-limit, ti.min(limit, trial))
             if xi != trial:
                 contact.sliding = 1
@@ -63,6 +79,8 @@ class CoulombFriction(Effect):
             trial = xi_old + contact.slip * contact.dt
             xi = trial
             size2 = trial.dot(trial)
+            if ti.static(self.drops):
+                limit = self.chosen_limit(limit, size2, contact, history)
             if size2 > limit * limit:
                 xi = trial * (limit / ti.sqrt(size2))
                 contact.sliding = 1
@@ -71,6 +89,16 @@ class CoulombFriction(Effect):
             for axis in ti.static(range(3)):
                 history[axis] = xi[axis]
         return dissipated
+
+    @ti.func
+    def chosen_limit(self, static, size2, contact, history: ti.template()):
+        """Limit of the spring [m] in this step, of which size2 [m2] is the square before it; notes if it slides."""
+        last = ti.static(contact.normal.n if contact.normal.n == 3 else 1)
+        dynamic = self.mu_d_[0] / self.k_t_[0] * contact.normal_force
+        bound = ti.select(history[last] != 0.0, dynamic, static)
+        slides = size2 > bound * bound
+        history[last] = ti.select(slides and contact.touching == 1, 1.0, 0.0)
+        return ti.select(slides, dynamic, static)
 
     @ti.func
     def contact_energy(self, contact, history):
@@ -84,4 +112,5 @@ class CoulombFriction(Effect):
         return [
             cls(coefficient=0.5, tangential_stiffness=2.0e2),
             cls(coefficient=0.0, tangential_stiffness=1.0e3),
+            cls(coefficient=0.6, tangential_stiffness=2.0e2, dynamic_coefficient=0.3),
         ]

@@ -9,6 +9,7 @@ from taichi_lsm.effects.viscous_damping import damping_ratio_of
 from taichi_lsm.rotation import rotate, turned
 from taichi_lsm.runtime import ti
 from tests import scenes
+from tests.sliders import Sliders
 
 K, MU, G = 1.0e8, 0.3, 10.0
 HARD = 1.0e12  # [N/m]: an impact is over before the discs have turned round each other
@@ -179,7 +180,51 @@ def test_spring_in_3d_turns_with_its_contact(runtime):
     assert errors[0] < 1e-2 and errors[1] < 0.2 * errors[0]
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_dynamic_limit_holds_from_the_static_one_until_the_contact_sticks(runtime, dim):
+    """A spring loaded to mu_s F_n drops to mu_d F_n, stays there while it slides, and is at mu_s again after a rest."""
+    mu_s, mu_d, k_t = 0.6, 0.4, 1e3
+    bench = Sliders(lsm.CoulombFriction(mu_s, k_t, mu_d), 3, dim=dim)
+    step = 1e-3 * mu_s / k_t  # a thousand to the static limit
+    bench.set(history=0.0, load=step, dt=1.0)
+    bench.slide(999)
+    assert bench.force.to_numpy() == pytest.approx(0.999 * mu_s, rel=scenes.tolerance(1e-9))
+    assert np.all(bench.lost.to_numpy() == 0.0)
+    bench.slide(3)
+    assert bench.force.to_numpy() == pytest.approx(mu_d, rel=scenes.tolerance(1e-12, 1e-6))
+    drop = 0.5 * (mu_s**2 - mu_d**2) / k_t
+    assert bench.lost.to_numpy() == pytest.approx(drop + 2 * mu_d * step, rel=0.01)
+    bench.slide(500)
+    assert bench.lowest.to_numpy() == pytest.approx(mu_d, rel=scenes.tolerance(1e-12, 1e-6))
+    assert bench.highest.to_numpy() == pytest.approx(mu_d, rel=scenes.tolerance(1e-12, 1e-6))
+    bench.set(load=-step)
+    bench.slide(1)
+    bench.set(load=step)
+    bench.slide(600)
+    assert bench.highest.to_numpy() == pytest.approx(mu_s, abs=1e-3 * mu_s)
+
+
+def test_equal_coefficients_are_the_plain_law(runtime):
+    outcome = []
+    for law in (lsm.CoulombFriction(MU, 1e3, MU), lsm.CoulombFriction(MU, 1e3)):
+        bench = Sliders(law, 50, dim=3)
+        bench.set(history=0.0, load=np.linspace(-1e-5, 1e-5, 50), dt=1.0)
+        bench.slide(100)
+        outcome.append([bench.force.to_numpy(), bench.lost.to_numpy()])
+    assert np.array_equal(*outcome)
+    assert 0 < np.count_nonzero(outcome[0][1]) < 50
+
+
+def test_values_of_another_variant_are_not_loaded(oblique):
+    sim, position, velocity, *_ = oblique
+    laws = [lsm.LinearElastic(HARD), lsm.ViscousDamping(restitution=1.0), lsm.CoulombFriction(MU, 10 * HARD, 0.5 * MU)]
+    with pytest.raises(lsm.InputError, match="static and dynamic"):
+        sim.load(scenes.scene(position, laws, velocity=velocity, skin=0.5, thickness=1.0))
+
+
 def test_refusals():
+    with pytest.raises(lsm.InputError, match=r"dynamic_coefficient = 0.4: must be from 0 to coefficient, 0.3"):
+        lsm.CoulombFriction(0.3, 1.0, 0.4)
     for coefficient, stiffness in ((-0.1, 1.0), (np.nan, 1.0), (0.5, 0.0), (0.5, np.inf)):
         with pytest.raises(lsm.InputError, match="CoulombFriction"):
             lsm.CoulombFriction(coefficient, stiffness)

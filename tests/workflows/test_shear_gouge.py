@@ -141,6 +141,19 @@ def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path):
     assert (grains.bond_first < grains.bond_second).all()
 
 
+@pytest.mark.validate
+def test_a_layer_on_a_soft_spring_sticks_and_slips(tmp_path):
+    params = shear_gouge.Params(length=10, layer_thickness=8, inertial_number=5e-3, strain=1.6)
+    thickness, (length,) = params.layer
+    soft = params.normal_stress * length * params.diameter / thickness  # the whole normal load over one thickness
+    dataset = shear_gouge.run(params.model_copy(update={"load_stiffness": soft}), tmp_path)
+    rows = dataset.isel(time=dataset.stage.values == 2)
+    load, plate = rows.load_point_velocity.values, rows.plate_velocity.values
+    assert np.all(load == load[0]) and load[0] > 0
+    assert np.mean(plate < 0.3 * load) > 0.1 and plate.max() > 2 * load[0]
+    assert shear_gouge.analyse(dataset, params)["energy_residual"].value < 0.005
+
+
 def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeypatch):
     _, params, complete = sheared("sphere")
 

@@ -1,0 +1,180 @@
+"""Friction that depends on the rate of slip and on the state of the contact."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..runtime import ti
+from .base import Effect, HistoryValue, require
+from .transport import transported
+
+ITERATIONS = 10  # of Newton's method: 8 solve all of a million random steps to 1e-9, over 15 decades of slip rate
+TINY = 1e-30  # [m], a spring or a limit that is none, in single precision too
+INSTANT = 1e-20  # [s], in place of a step of no length
+
+
+@ti.data_oriented
+@dataclass
+class RateAndStateFriction(Effect):
+    """F_t = mu F_n, mu = a asinh(V/(2 V_0) exp((mu_0 + b ln(V_0 theta/D_c))/a)), behind a spring k_t.
+
+    reference_coefficient mu_0 [-] >= 0; direct_effect a [-] > 0; evolution_effect b [-] >= 0;
+    slip_distance D_c [m] > 0; reference_velocity V_0 [m s-1] > 0; tangential_stiffness k_t [N m-1] > 0;
+    evolution "ageing": theta' = 1 - V theta/D_c, or "slip": theta' = -(V theta/D_c) ln(V theta/D_c).
+    Dieterich (1979), Ruina (1983), regularised at rest by Rice, Lapusta & Ranjith (2001); in the lattice solid model
+    Abe, Dieterich, Mora & Place (2002). A new contact has theta = D_c/V_0: it is in the steady state of V_0.
+
+    V is the rate at which the spring of the contact gives way, and there is no stick: a contact at rest creeps. In
+    each step k_t (xi_trial - V dt) = F_n mu(V, theta(V)) is solved for V, theta at the end of the step from its exact
+    evolution at constant V. A spring softer than (b - a) F_n/D_c slips unstably by itself, within a step.
+    A contact counts as sliding at V >= V_0.
+    """
+
+    reference_coefficient: float
+    direct_effect: float
+    evolution_effect: float
+    slip_distance: float
+    reference_velocity: float
+    tangential_stiffness: float
+    evolution: str = "ageing"
+
+    phase = "tangential"
+    role = "friction"
+    dissipates = True
+    equation = "F_t = F_n a asinh(V/(2 V_0) exp((mu_0 + b ln(V_0 theta/D_c))/a))"
+    history = (
+        HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),
+        HistoryValue("state", "1", "ln(V_0 theta/D_c), zero in the steady state of V_0"),
+    )
+
+    def __post_init__(self):
+        for name, unit in (
+            ("direct_effect", ""),
+            ("slip_distance", " m"),
+            ("reference_velocity", " m/s"),
+            ("tangential_stiffness", " N/m"),
+        ):
+            value = getattr(self, name)
+            require(np.isfinite(value) and value > 0.0, self, name, value, f"> 0{unit}")
+        for name in ("reference_coefficient", "evolution_effect"):
+            value = getattr(self, name)
+            require(np.isfinite(value) and value >= 0.0, self, name, value, ">= 0")
+        require(self.evolution in ("ageing", "slip"), self, "evolution", self.evolution, "'ageing' or 'slip'")
+
+    @property
+    def variant(self):
+        return self.evolution
+
+    def parameters(self):
+        return {
+            "mu_0": self.reference_coefficient,
+            "a": self.direct_effect,
+            "b": self.evolution_effect,
+            "D_c": self.slip_distance,
+            "V_0": self.reference_velocity,
+            "k_t": self.tangential_stiffness,
+        }
+
+    def stable_dt(self, bodies):
+        """As for the normal spring, with the leverage R^2 m/I of tangential motion; rate and state are implicit."""
+        per_contact = self.tangential_stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
+        return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+
+    @ti.func
+    def evolved(self, s, y, r):
+        """State s = ln(V_0 theta/D_c) after a step at V = V_0 e^y, and its slope in y; r = V_0 dt/D_c."""
+        x = r * ti.exp(y)  # V dt/D_c
+        left = ti.exp(-x)
+        phi = ti.select(x < 1e-2, 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))), (1.0 - left) / x)
+        result, slope = s, x
+        if ti.static(self.evolution == "ageing"):
+            old, new = ti.exp(s - x), r * phi
+            e = new / ti.max(old, TINY)
+            result = ti.select(e < 1e-3, s - x + e * (1.0 - e * (0.5 - e / 3.0)), ti.log(old + new))
+            slope = (r * (left - phi) - x * old) / (old + new)
+        else:
+            result = s * left - y * x * phi
+            slope = -x * left * (s + y) - x * phi
+        return result, slope
+
+    @ti.func
+    def strength(self, s, y):
+        """mu/a at V = V_0 e^y in the state s, and its slope in y at constant s."""
+        power = y + (self.mu_0_[0] + self.b_[0] * s) / self.a_[0]
+        t = ti.exp(-ti.abs(power))
+        root = ti.sqrt(0.25 + t * t)
+        above, below = power + ti.log(0.5 + root), ti.log(0.5 * t + ti.sqrt(1.0 + 0.25 * t * t))
+        below = ti.select(power < -6.0, 0.5 * t * (1.0 - t * t / 24.0), below)
+        slope = ti.select(power > 0.0, 0.5 / root, t / ti.sqrt(t * t + 4.0))
+        return ti.select(power > 0.0, above, below), slope
+
+    @ti.func
+    def slipped(self, size, limit, s, dt):
+        """(xi/size, new state, ln(V/V_0)) of a spring of trial length `size` [m]; limit = a F_n/k_t [m].
+
+        Newton's method for the logarithm of z(y) + V_0 dt e^y/limit = q, where z = mu/a and q = size/limit. It keeps a
+        bracket, for where b > a the state may make the left side fall with y.
+        """
+        q = size / limit
+        rate, r = self.V_0_[0] * dt / limit, self.V_0_[0] * dt / self.D_c_[0]
+        ln_q = ti.log(q)
+        high = ln_q - ti.log(rate)  # all motion is slip
+        healed = ti.max(s, 0.0) + ti.log(1.0 + r)  # no evolution goes beyond
+        low = ti.select(q > 2.0, 0.5 * q - 0.5, ln_q) - (self.mu_0_[0] + self.b_[0] * healed) / self.a_[0]
+        low = ti.min(low, high - 0.7)
+        s_new, _ = self.evolved(s, low, r)
+        y = ti.select(q > 1.0, q, ln_q + 0.7) - (self.mu_0_[0] + self.b_[0] * s_new) / self.a_[0]
+        y = ti.max(low, ti.min(high, y))
+        for step in range(ITERATIONS):
+            s_new, s_slope = self.evolved(s, y, r)
+            z, slope = self.strength(s_new, y)
+            slid = rate * ti.exp(y)
+            left = z + slid
+            low, high = ti.select(left > q, low, y), ti.select(left > q, y, high)
+            trial = y - left * ti.log(left / q) / (slope * (1.0 + self.b_[0] / self.a_[0] * s_slope) + slid)
+            y = ti.select(trial >= low and trial <= high, trial, 0.5 * (low + high))
+        s_new, _ = self.evolved(s, y, r)
+        z, _ = self.strength(s_new, y)
+        return ti.min(1.0, z / q), s_new, y
+
+    @ti.func
+    def on_contact(self, contact: ti.template(), history: ti.template()):
+        k_t, n = self.k_t_[0], contact.normal
+        limit = self.a_[0] / k_t * contact.normal_force
+        last = ti.static(n.n if n.n == 3 else 1)
+        dissipated = 0.0 * limit
+        dt = ti.max(contact.dt, INSTANT)
+        if ti.static(n.n == 2):
+            t = ti.Vector([-n[1], n[0]])
+            xi_old = history[0]
+            trial = xi_old + t.dot(contact.slip) * contact.dt
+            part, s, y = self.slipped(ti.max(ti.abs(trial), TINY), ti.max(limit, TINY), history[last], dt)
+            xi = ti.select(limit > 0.0, part, 0.0) * trial
+            dissipated = 0.5 * k_t * (xi_old + xi) * (trial - xi)
+            contact.tangential_force -= k_t * xi * t
+            history[0] = xi
+            contact.sliding = ti.select(y >= 0.0, 1, 0)
+            history[last] = ti.select(contact.touching == 1, s, 0.0)
+        else:
+            xi_old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
+            trial = xi_old + contact.slip * contact.dt
+            part, s, y = self.slipped(ti.max(ti.sqrt(trial.dot(trial)), TINY), ti.max(limit, TINY), history[last], dt)
+            xi = ti.select(limit > 0.0, part, 0.0) * trial
+            dissipated = 0.5 * k_t * (xi_old + xi).dot(trial - xi)
+            contact.tangential_force -= k_t * xi
+            for axis in ti.static(range(3)):
+                history[axis] = xi[axis]
+            contact.sliding = ti.select(y >= 0.0, 1, 0)
+            history[last] = ti.select(contact.touching == 1, s, 0.0)
+        return dissipated
+
+    @ti.func
+    def contact_energy(self, contact, history):
+        xi2 = history[0] * history[0]
+        if ti.static(contact.normal.n == 3):
+            xi2 += history[1] * history[1] + history[2] * history[2]
+        return 0.5 * self.k_t_[0] * xi2
+
+    @classmethod
+    def cases(cls):
+        return [cls(0.6, 0.03, 0.02, 1e-2, 1e-3, 2.0e2), cls(0.4, 0.01, 0.015, 0.1, 1.0, 1.0e3, "slip")]

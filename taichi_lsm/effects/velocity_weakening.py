@@ -1,0 +1,103 @@
+"""Friction that weakens with the velocity of slip."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..runtime import ti
+from .base import Effect, HistoryValue, require
+from .transport import transported
+
+
+@ti.data_oriented
+@dataclass
+class VelocityWeakeningFriction(Effect):
+    """F_t = -k_t xi, |F_t| <= mu(V) F_n with mu(V) = mu_d + (mu_s - mu_d)/(1 + V/V_c): half way down at V_c.
+
+    static_coefficient mu_s [-] >= dynamic_coefficient mu_d [-] >= 0; critical_velocity V_c [m s-1] > 0;
+    tangential_stiffness k_t [N m-1] > 0. With mu_d = 0 it is the law of Carlson & Langer (1989), alpha = 1/(2 V_c),
+    which the lattice solid model uses (Mora & Place 1994).
+    V [m s-1] is the speed at which the surfaces of the two grains pass each other, as there; the inertia of the grains
+    bounds its changes. The rate at which the spring gives way is no substitute: a spring without mass on a surface
+    that weakens with this rate has no steady slip, however stiff it is.
+    """
+
+    static_coefficient: float
+    dynamic_coefficient: float
+    critical_velocity: float
+    tangential_stiffness: float
+
+    phase = "tangential"
+    role = "friction"
+    dissipates = True
+    equation = "F_t = -k_t xi,  |F_t| <= mu(V) F_n,  mu(V) = mu_d + (mu_s - mu_d)/(1 + V/V_c)"
+    history = (HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),)
+
+    def __post_init__(self):
+        mu_s, mu_d = self.static_coefficient, self.dynamic_coefficient
+        require(np.isfinite(mu_s) and mu_s >= 0.0, self, "static_coefficient", mu_s, ">= 0")
+        require(0.0 <= mu_d <= mu_s, self, "dynamic_coefficient", mu_d, f"from 0 to static_coefficient, {mu_s:g}")
+        for name, unit in (("critical_velocity", "m/s"), ("tangential_stiffness", "N/m")):
+            value = getattr(self, name)
+            require(np.isfinite(value) and value > 0.0, self, name, value, f"> 0 {unit}")
+
+    def parameters(self):
+        return {
+            "mu_s": self.static_coefficient,
+            "mu_d": self.dynamic_coefficient,
+            "V_c": self.critical_velocity,
+            "k_t": self.tangential_stiffness,
+        }
+
+    def stable_dt(self, bodies):
+        """As for the normal spring, with the leverage R^2 m/I of tangential motion."""
+        per_contact = self.tangential_stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
+        return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+
+    @ti.func
+    def coefficient(self, speed):
+        """mu(V)."""
+        return self.mu_d_[0] + (self.mu_s_[0] - self.mu_d_[0]) * self.V_c_[0] / (self.V_c_[0] + speed)
+
+    @ti.func
+    def on_contact(self, contact: ti.template(), history: ti.template()):
+        k_t, n = self.k_t_[0], contact.normal
+        limit = self.coefficient(ti.sqrt(contact.slip.dot(contact.slip))) / k_t * contact.normal_force
+        dissipated = 0.0 * limit
+        if ti.static(n.n == 2):
+            t = ti.Vector([-n[1], n[0]])
+            xi_old = history[0]
+            trial = xi_old + t.dot(contact.slip) * contact.dt
+            xi = ti.max(-limit, ti.min(limit, trial))
+            if xi != trial:
+                contact.sliding = 1
+            dissipated = 0.5 * k_t * (xi_old + xi) * (trial - xi)
+            contact.tangential_force -= k_t * xi * t
+            history[0] = xi
+        else:
+            xi_old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
+            trial = xi_old + contact.slip * contact.dt
+            xi = trial
+            size2 = trial.dot(trial)
+            if size2 > limit * limit:
+                xi = trial * (limit / ti.sqrt(size2))
+                contact.sliding = 1
+                dissipated = 0.5 * k_t * (xi_old + xi).dot(trial - xi)
+            contact.tangential_force -= k_t * xi
+            for axis in ti.static(range(3)):
+                history[axis] = xi[axis]
+        return dissipated
+
+    @ti.func
+    def contact_energy(self, contact, history):
+        xi2 = history[0] * history[0]
+        if ti.static(contact.normal.n == 3):
+            xi2 += history[1] * history[1] + history[2] * history[2]
+        return 0.5 * self.k_t_[0] * xi2
+
+    @classmethod
+    def cases(cls):
+        return [
+            cls(static_coefficient=0.7, dynamic_coefficient=0.2, critical_velocity=0.05, tangential_stiffness=2.0e2),
+            cls(static_coefficient=0.5, dynamic_coefficient=0.5, critical_velocity=1.0, tangential_stiffness=1.0e3),
+        ]
