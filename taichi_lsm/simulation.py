@@ -306,7 +306,8 @@ class Simulation:
         self.scene, self.step = scene, 0
         self.faults.clear()
         self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
-        self.integrator.dt[None] = self._dt
+        self.skin = scene.skin
+        self.integrator.set_step(self._dt, self.skin)
         for bound, effect in zip(self.effects, scene.effects, strict=True):
             bound.write_parameters(effect)
         if self.surfaces:
@@ -314,6 +315,9 @@ class Simulation:
         if self.parts:
             self.parts.fill(scene.shapes)
         self._load_scene(self.surfaces is not None)
+        self.search.set_skin(self.skin + scene.reach())
+        if self.forces.reaches:
+            self.forces.geometry.set_reach(scene.reach())
         if scene.ledger and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
         self.pairs.row_start.fill(0)  # nothing is remembered of the pairs

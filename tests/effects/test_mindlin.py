@@ -11,7 +11,7 @@ from tests.scenes import tolerance
 
 MU, E, NU = 0.4, 1.0e6, 0.3
 RADIUS, DEPTH = 0.5, 1.0e-3
-STEPS = 3000  # of a leg of a path
+STEPS = 500  # of a leg of a path
 NORMAL = 4 / 3 * E / (2 * (1 - NU**2)) * np.sqrt(RADIUS) * DEPTH**1.5
 LIMIT = MU * NORMAL
 SHEAR = E / (2 * (1 + NU))
