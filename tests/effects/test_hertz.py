@@ -81,7 +81,11 @@ def test_discs_of_arcs_collide_like_discs(runtime):
             dt=2e-5,
         )
     )
+    start, _ = scenes.energy(sim)
     sim.run(3000)
+    left, lost = scenes.energy(sim)
+    assert lost > 0.1 * start
+    assert left + lost == pytest.approx(start, rel=1e-4)
     assert sim.measure.sums()["contact_count"] == 0
     v = sim.state.velocity.to_numpy().reshape(n, 4)
     omega = sim.state.spin.to_numpy().reshape(n, 2)
