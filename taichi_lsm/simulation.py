@@ -11,7 +11,7 @@ from .contact.broad import NeighbourList, NeighbourSearch, grown
 from .contact.faults import Faults
 from .contact.pairs import Pairs
 from .contact.parts import PartTable
-from .contact.surfaces import kind_of, surface_table
+from .contact.surfaces import CURVED, kind_of, surface_table
 from .diagnostics import Measure
 from .domain import Domain, check_box, check_shear
 from .drives import Platens
@@ -25,6 +25,7 @@ from .state import Grains, grain_variables, spin_size, turn_size
 from .walls import Walls, check_walls
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
+DEEP = 0.1  # of a grain's radius: depth at which laws that stiffen with it bound the step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
 PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
@@ -161,7 +162,13 @@ class Scene:
         wrong = [s.name for s in self.shapes if s.dim != self.dim]
         if wrong:
             raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {self.dim}D")
-        kind_of(self.shapes)
+        kind = kind_of(self.shapes)
+        curved = [e.name for e in self.effects if "reduced_radius" in e.needs]
+        if curved and kind not in CURVED:
+            raise InputError(
+                f"Scene.effects: {curved} need one radius of curvature at the contact, which grains with {kind} "
+                f"surfaces do not have; shapes must be discs, spheres or arc chains"
+            )
         check_walls(self)
         check_shear(self)
 
@@ -191,16 +198,30 @@ class Scene:
         mass, inertia = self.masses()
         inertia = inertia.min(axis=1)
         mobile = self.platen < 0 if (self.platen < 0).any() else np.ones(len(mass), bool)
+        least_mass = float(mass[mobile].min())
+        per_mass = float(self.contact_radii(mobile, mass).max())
         return Bodies(
             dim=self.dim,
-            least_mass=float(mass[mobile].min()),
+            least_mass=least_mass,
             least_inertia=float(inertia[mobile].min()),
             spin_factor=float((self.per_grain("bounding_radius") ** 2 * mass / inertia)[mobile].max()),
             lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
             coordination=COORDINATION[self.dim],
-            normal_stiffness=sum(e.normal_stiffness() for e in self.effects),
+            normal_stiffness=sum(
+                e.normal_stiffness() + e.stiffness_per_radius() * per_mass * least_mass for e in self.effects
+            ),
+            contact_radius_per_mass=per_mass,
             bond_rate=0.0 if self.bonds is None else bond_rate(self),
         )
+
+    def contact_radii(self, mobile, mass):
+        """Radius of a contact as deep as DEEP of a grain over its mass [m kg-1], of every mobile grain; 0 if no law
+        asks for radii of curvature."""
+        if not any("reduced_radius" in e.needs for e in self.effects):
+            return np.zeros(1)
+        curved = np.array([g.patches()[1].max() for g in self.shapes])[self.shape] * self.scale
+        reduced = curved * curved.max() / (curved + curved.max())
+        return (np.sqrt(reduced * DEEP * self.per_grain("bounding_radius")) / mass)[mobile]
 
     def stable_dt(self):
         """Largest stable step [s]: the laws' frequencies add up as the sum of 1/dt^2."""
@@ -317,7 +338,8 @@ class Simulation:
         self.scene, self.step = scene, 0
         self.faults.clear()
         self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
-        self.integrator.dt[None] = self._dt
+        self.skin = scene.skin
+        self.integrator.set_step(self._dt, self.skin)
         for bound, effect in zip(self.effects, scene.effects, strict=True):
             bound.write_parameters(effect)
         if self.surfaces:
@@ -327,6 +349,9 @@ class Simulation:
         if self.walls:
             self.walls.begin(scene.walls)
         self._load_scene(self.surfaces is not None)
+        self.search.set_skin(self.skin + scene.reach())
+        if self.forces.reaches:
+            self.forces.geometry.set_reach(scene.reach())
         if self.bonds:
             self.bonds.fill(scene)
         if scene.ledger and self.grains.has("dissipated"):

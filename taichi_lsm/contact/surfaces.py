@@ -6,6 +6,7 @@ from .cones import ConeTable
 from .polyhedra import PolyhedronTable
 
 TABLES = {"chain": ChainTable, "polyhedron": PolyhedronTable, "cones": ConeTable}
+CURVED = ("sphere", "chain")  # kinds with one radius of curvature at every contact
 
 
 def kind_of(shapes):

@@ -80,7 +80,9 @@ class Bodies:
     dim; least_mass [kg], least_inertia [kg m2]: of the mobile grains; spin_factor [-]: greatest R^2 m/I for
     tangential motion; lever_factor [-]: greatest a^2 m/I for normal motion, a the lever of a surface normal;
     coordination: contacts that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws;
-    bond_rate [s-2]: bound on the square of the angular frequencies of the bonds, 0 without bonds.
+    bond_rate [s-2]: bound on the square of the angular frequencies of the bonds, 0 without bonds;
+    contact_radius_per_mass [m kg-1]: greatest a/m of a mobile grain, a = sqrt(R d) of the greatest reduced radius
+    that its surface may meet and a depth d of a tenth of the grain; 0 unless a law needs the reduced radius.
     """
 
     dim: int
@@ -91,6 +93,7 @@ class Bodies:
     coordination: float
     normal_stiffness: float
     bond_rate: float = 0.0
+    contact_radius_per_mass: float = 0.0
 
 
 # What a contact holds if a law `needs` it.
@@ -159,6 +162,10 @@ class Effect:
 
     def normal_stiffness(self):
         """Stiffness that this law adds along the normal [N m-1]; host."""
+        return 0.0
+
+    def stiffness_per_radius(self):
+        """The same of a law that stiffens with the radius a = sqrt(R d) of the contact, over a [N m-2]; host."""
         return 0.0
 
     def stable_dt(self, bodies):

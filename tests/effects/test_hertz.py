@@ -1,0 +1,104 @@
+"""Hertz contacts: restitution at any speed, the step that they allow, arcs against a disc, and what is refused."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from tests import scenes
+
+E, NU, DENSITY = 1.0e8, 0.25, 1000.0
+E_STAR = E / (2 * (1 - NU**2))
+SPEEDS = 10.0 ** np.linspace(-3, 0, 7)  # [m s-1]
+
+
+@pytest.fixture(scope="module")
+def impacts(runtime):
+    """Pairs of unequal spheres at different speeds, and how long the slowest of their impacts lasts."""
+    n = len(SPEEDS)
+    scale = np.tile([1.0, 0.6], n)
+    x = np.zeros((2 * n, 3))
+    x[:, 1] = 5.0 * np.repeat(np.arange(n), 2)
+    x[1::2, 0] = 0.8
+    sim = scenes.simulate(
+        scenes.scene(x, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.5)], scale=scale, skin=2.0)
+    )
+    return sim, x
+
+
+@pytest.mark.parametrize("e", [0.2, 0.5, 0.9])
+def test_restitution_is_the_same_at_any_speed(impacts, e):
+    sim, x = impacts
+    mass = DENSITY * np.pi / 6 * np.array([1.0, 0.6**3])
+    reduced, radius = mass.prod() / mass.sum(), 0.15 / 0.8
+    depth = (15 / 16 * reduced * SPEEDS**2 / (E_STAR * np.sqrt(radius))) ** 0.4
+    duration = 2.9432 * depth / SPEEDS
+    x, v = x.copy(), np.zeros_like(x)
+    x[1::2, 0] += 0.01 * depth
+    v[1::2, 0] = -SPEEDS
+    scenes.law(sim, "viscous_damping").write_parameters(lsm.ViscousDamping(restitution=e))
+    scenes.reload(sim, duration.min() / 300, position=x, velocity=v)
+    sim.run(int(3 * duration.max() / sim.dt))
+    assert sim.measure.sums()["contact_count"] == 0
+    v = sim.state.velocity.to_numpy()
+    assert (v[1::2, 0] - v[::2, 0]) / SPEEDS == pytest.approx(e, rel=scenes.tolerance(5e-3, 2e-2))
+
+
+def test_stable_step_is_that_of_the_stiffness_at_a_tenth_of_the_least_grain():
+    position = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    grains = scenes.scene(position, [lsm.Hertz(E, NU)], scale=[1.0, 0.1])
+    radius, mass = 0.5 * 0.05 / 0.55, DENSITY * np.pi / 6 * 1e-3
+    slope = 2 * E_STAR * np.sqrt(radius * 0.1 * 0.05)
+    assert grains.stable_dt() == pytest.approx(2 / np.sqrt(2 * 10 * slope / mass), rel=1e-12)
+    damped = scenes.scene(position, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.1)], scale=[1.0, 0.1])
+    assert damped.stable_dt() < 0.9 * grains.stable_dt()
+    rough = scenes.scene(position, [lsm.Hertz(E, NU), lsm.Mindlin(0.5, E, NU)], scale=[1.0, 0.1])
+    assert rough.stable_dt() < 0.7 * grains.stable_dt()
+
+
+def test_discs_of_arcs_collide_like_discs(runtime):
+    """One arc or thirty, on an arc or on a seam, with friction and damping: the same impact."""
+    shapes = [lsm.disc(), lsm.regular_disc_of_arcs(30)]
+    which = np.array([[0, 0], [1, 1], [1, 1], [0, 1], [1, 0]])
+    seam = np.pi / 30
+    angle = np.array([[0, 0], [0.3, 0.7], [seam, seam], [0, 0.0], [0.0, 0]])
+    n = len(which)
+    x, v = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
+    x[:, :, 1] = 5.0 * np.arange(n)[:, None]
+    x[:, 1, 0] = 1.001
+    v[:, 1] = (-1.0, 0.4)
+    effects = [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.8), lsm.Mindlin(0.3, E, NU)]
+    sim = scenes.simulate(
+        scenes.scene(
+            x.reshape(-1, 2),
+            effects,
+            shapes=shapes,
+            shape=which.ravel(),
+            angle=angle.ravel(),
+            velocity=v.reshape(-1, 2),
+            spin=np.tile([[2.0], [0.0]], (n, 1)),
+            skin=0.2,
+            thickness=1.0,
+            dt=2e-5,
+        )
+    )
+    start, _ = scenes.energy(sim)
+    sim.run(3000)
+    left, lost = scenes.energy(sim)
+    assert lost > 0.1 * start
+    assert left + lost == pytest.approx(start, rel=1e-4)
+    assert sim.measure.sums()["contact_count"] == 0
+    v = sim.state.velocity.to_numpy().reshape(n, 4)
+    omega = sim.state.spin.to_numpy().reshape(n, 2)
+    assert v[0, 0] < -0.85 and np.ptp(omega[0] - (2.0, 0.0)) < 1e-9 and abs(omega[0, 1]) > 0.1
+    assert np.abs(v - v[0]).max() < scenes.tolerance(1e-9, 1e-3)
+    assert np.abs(omega - omega[0]).max() < scenes.tolerance(1e-9, 1e-3)
+
+
+def test_refusals():
+    for arguments in ((0.0, NU), (-1.0, NU), (np.inf, NU), (E, 0.51), (E, -1.0), (E, np.nan)):
+        with pytest.raises(lsm.InputError, match="Hertz"):
+            lsm.Hertz(*arguments)
+    with pytest.raises(lsm.InputError, match="only elasticity"):
+        scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU), lsm.LinearElastic(1.0)])
+    with pytest.raises(lsm.InputError, match="hertz.*radius of curvature.*polyhedron"):
+        scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU)], shapes=[lsm.ball_of_faces(12, 0.1)])
