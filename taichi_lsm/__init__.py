@@ -8,13 +8,13 @@ import importlib
 __version__ = "0.1.0"
 
 _HOME = {
-    "Scene": "simulation",
+    "Scene": "scene",
     "Simulation": "simulation",
     "ShadowEnergy": "shadow",
     "OnsetVerlet": "integrators",
     "VelocityVerlet": "integrators",
-    "SymplecticEuler": "integrators",
-    "ExplicitEuler": "integrators",
+    "SymplecticEuler": "euler",
+    "ExplicitEuler": "euler",
     "Platen": "drives",
     "Fixed": "drives",
     "ConstantVelocity": "drives",

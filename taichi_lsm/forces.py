@@ -1,60 +1,31 @@
-"""Forces of the contacts: composes the geometry and the effects that a scene lists, at compile time."""
+"""Forces of the contacts, in blocks of pairs: geometry and laws as the scene composes them."""
 
+from .composition import Composition
 from .contact.lanes import AXIS, block_width, get, lane_type, padded, put
 from .contact.narrow import sphere_overlap
-from .contact.pair_geometry import PairGeometry
 from .contact.pairs import ACTING, KICKED, SLIDING, TOUCHING
-from .effects import contact_type
-from .effects.base import ON_CONTACTS, PHASES
 from .onset import OnsetCorrection
 from .rotation import spin_velocity, torque_of
-from .runtime import current, ti
+from .runtime import ti
 
 NEARLY = 1.0 - 1e-12  # rounding of a long way must not hide a contact
 
 
-def in_order(effects):
-    """Effects sorted by phase: tangential laws read the complete normal force."""
-    return sorted(effects, key=lambda e: PHASES.index(e.phase))
-
-
 @ti.data_oriented
-class ContactForces:
+class ContactForces(Composition):
     """Evaluates the half list in blocks of pairs; stores each pair's force for its partner and sums the rows.
 
     A block passes through four stages, see contact/lanes.py: `survey` finds the pairs that are near, `meet` gathers
     what the laws need, `apply_laws` is arithmetic over lanes alone, `keep` scatters the results.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, effects, faults, walls=None, bonds=None):
-        reach = max((e.reach() for e in effects), default=0.0)
-        self.grains, self.domain, self.pairs, self.walls = grains, domain, pairs, walls
-        self.geometry = PairGeometry(grains, surfaces, parts, domain, pairs, faults, reach)
-        self.shaped, self.several = self.geometry.shaped, self.geometry.several
-        self.walled = walls is not None
-        self.real = current().real
-        self.dim = grains.dim
-        self.rotates, self.spin_size = grains.has("spin"), grains.sizes["spin"]
-        self.ledger = grains.has("dissipated")
-        self.laws = [e for e in in_order(effects) if e.phase in ON_CONTACTS]
-        self.body_laws = [e for e in effects if e.phase == "body"]
-        self.motion_laws = [e for e in effects if e.phase == "motion"]
-        self.bonds, self.bonded = bonds, bonds is not None
-        self.needs = {name for law in self.laws for name in law.needs}
-        self.couples = any(law.couples for law in self.laws)
-        self.reaches = self.geometry.reaches
-        self.onset = pairs.onset
+    def __init__(self, geometry, domain, effects, walls=None, bonds=None):
+        super().__init__(geometry, effects, bonds)
+        self.domain, self.walls, self.walled = domain, walls, walls is not None
+        pairs = self.pairs
         self.twists = pairs.onset and self.shaped  # impulses that do not go through the centres
         self.remembers, self.remembers_normal = pairs.remembers_feature, pairs.remembers_normal
         self.seams = pairs.onset and self.remembers
-        contact_books = [e for e in self.laws if e.dissipates]
-        self.books = contact_books + [e for e in self.motion_laws if e.dissipates]
-        self.book_count = len(contact_books)
-        if self.bonded:
-            bonds.book = len(self.books)
-            self.books.append(bonds.law)
-        self.contact_type = contact_type(self.dim, self.laws)
-        self.springs = [e for e in self.laws if hasattr(type(e), "onset_impulse")]
         self.correction = OnsetCorrection(self.geometry, self.springs, self.contact_type)
         self.width, self.lanes = block_width(), self._lanes()
 
@@ -78,63 +49,6 @@ class ContactForces:
             integers += ["feature_k", "feature_l"]
             vectors |= {"last_normal": self.dim if self.remembers_normal else 0}
         return lane_type(scalars, vectors, integers)
-
-    def history_slice(self, law):
-        """(first, size) of a law's values in the pair's history."""
-        first = sum(e.history_size(self.dim) for e in self.laws[: self.laws.index(law)])
-        return first, law.history_size(self.dim)
-
-    def book_of(self, law):
-        """Column of the energy ledger in which a law books what it dissipates."""
-        return self.books.index(law)
-
-    @ti.func
-    def contact_of(self, k, l, s, depth, n, arm_k, arm_l, dt):
-        """The kinematics of the contact in list slot s as the laws see it."""
-        g = self.grains
-        v = self.velocity_at(k, l, arm_k, arm_l)
-        spin_about_normal = 0.0 * depth
-        if ti.static(self.rotates and self.dim == 3):
-            spin_about_normal = 0.5 * n.dot(ti.cast(g.spin[k] + g.spin[l], self.real))
-        contact = self.seen(v, n, depth, g.inverse_mass[k] + g.inverse_mass[l], spin_about_normal, dt)
-        if ti.static("reduced_radius" in self.needs):
-            contact.reduced_radius = self.geometry.reduced_radius(k, l, s)
-        if ti.static("relative_spin" in self.needs):
-            contact.relative_spin = ti.cast(g.spin[l] - g.spin[k], self.real)
-        return contact
-
-    @ti.func
-    def velocity_at(self, k, l, arm_k, arm_l):
-        """Velocity of grain l against grain k at the contact [m s-1]."""
-        g = self.grains
-        v = self.geometry.relative_velocity(k, l)
-        if ti.static(self.rotates):
-            omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
-            v += spin_velocity(omega_l, arm_l) - spin_velocity(omega_k, arm_k)
-        return v
-
-    @ti.func
-    def seen(self, v, n, depth, inverse_mass, spin_about_normal, dt):
-        """A contact with the velocity v of l against k [m s-1] and the sum of both inverse masses [kg-1]."""
-        contact = self.contact_type(0)
-        v_n = v.dot(n)
-        contact.touching = ti.cast(depth > 0.0, ti.i32)
-        contact.depth = ti.max(depth, 0.0)
-        if ti.static(self.reaches):
-            contact.gap = ti.max(-depth, 0.0)
-        contact.normal = n
-        contact.approach = -v_n
-        contact.slip = v - v_n * n
-        contact.spin_about_normal = spin_about_normal
-        contact.mass = 1.0 / inverse_mass
-        contact.dt = dt
-        return contact
-
-    @ti.func
-    def history_of(self, law: ti.template(), s):
-        """The law's own values of list slot s."""
-        first, size = ti.static(self.history_slice(law))
-        return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
 
     @ti.func
     def rows(self, lanes: ti.template(), first, last, dt):

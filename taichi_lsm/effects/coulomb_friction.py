@@ -30,7 +30,7 @@ class CoulombFriction(Effect):
     role = "friction"
     dissipates = True
     equation = "F_t = -k_t xi,  |F_t| <= mu F_n"
-    units = {"coefficient": "1", "tangential_stiffness": "N m-1"}
+    units = {"coefficient": "1", "tangential_stiffness": "N m-1", "dynamic_coefficient": "1"}
     history = (HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),)
 
     def __post_init__(self):

@@ -113,6 +113,13 @@ class ElasticBrittleBond(Effect):
     role = "bonds"
     dissipates = True
     equation = "F_n/F_n0 + M_b/M_b0 + F_s/F_s0 + M_t/M_t0 <= 1"
+    units = {
+        "young": "Pa",
+        "poisson": "1",
+        "cohesion": "Pa",
+        "friction_angle": "rad",
+        "radius_ratio": "1",
+    }
 
     def __post_init__(self):
         for name, unit in (("young", "Pa"), ("cohesion", "Pa"), ("radius_ratio", "")):

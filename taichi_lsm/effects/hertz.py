@@ -26,6 +26,7 @@ class Hertz(Effect):
     role = "elasticity"
     needs = ("reduced_radius",)
     equation = "F_n = 4/3 E* sqrt(R) d^1.5"
+    units = {"youngs_modulus": "Pa", "poissons_ratio": "1"}
 
     def __post_init__(self):
         check_elastic_constants(self)

@@ -19,6 +19,7 @@ class LinearElastic(Effect):
     stiffness: float
 
     phase = "normal"
+    role = "elasticity"
     equation = "F_n = k d"
     units = {"stiffness": "N m-1"}
 

@@ -64,6 +64,7 @@ class Mindlin(Effect):
     needs = ("reduced_radius",)
     dissipates = True
     equation = "dF_t = k_t (1 - |F_t - F_0|/(c mu F_n))^(1/3) du,  |F_t| <= mu F_n"
+    units = {"coefficient": "1", "youngs_modulus": "Pa", "poissons_ratio": "1"}
     history = (
         HistoryValue("mindlin_force", "N", "tangential force of the last step", per_axis=True),
         HistoryValue("first_turning_point", "N", "force at which loading ended, zero before", per_axis=True),

@@ -42,6 +42,15 @@ class RateAndStateFriction(Effect):
     role = "friction"
     dissipates = True
     equation = "F_t = F_n a asinh(V/(2 V_0) exp((mu_0 + b ln(V_0 theta/D_c))/a))"
+    units = {
+        "reference_coefficient": "1",
+        "direct_effect": "1",
+        "evolution_effect": "1",
+        "slip_distance": "m",
+        "reference_velocity": "m s-1",
+        "tangential_stiffness": "N m-1",
+        "evolution": "ageing | slip",
+    }
     history = (
         HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),
         HistoryValue("state", "1", "ln(V_0 theta/D_c), zero in the steady state of V_0"),

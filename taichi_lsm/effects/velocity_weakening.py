@@ -31,6 +31,12 @@ class VelocityWeakeningFriction(Effect):
     role = "friction"
     dissipates = True
     equation = "F_t = -k_t xi,  |F_t| <= mu(V) F_n,  mu(V) = mu_d + (mu_s - mu_d)/(1 + V/V_c)"
+    units = {
+        "static_coefficient": "1",
+        "dynamic_coefficient": "1",
+        "critical_velocity": "m s-1",
+        "tangential_stiffness": "N m-1",
+    }
     history = (HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),)
 
     def __post_init__(self):

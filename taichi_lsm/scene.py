@@ -1,0 +1,216 @@
+"""A scene: everything that defines a run, as plain data, checked before anything is compiled."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .bonds import bond_rate, checked_bonds
+from .contact.surfaces import CURVED, kind_of
+from .domain import check_box, check_shear
+from .effects import Bodies, Effect
+from .errors import InputError
+from .integrators import OnsetVerlet
+from .state import spin_size, turn_size
+from .walls import check_walls
+
+COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
+DEEP = 0.1  # of a grain's radius: depth at which laws that stiffen with it bound the step
+SKIN = 0.07  # default margin of the neighbour list, in mean diameters
+
+
+@dataclass
+class Scene:
+    """Everything that defines a run, as plain data in SI units; n grains in `dim` dimensions.
+
+    lengths (dim,) [m] and periodic (dim,) of the cell; shapes: GrainShape table; shape (n,): row of the table;
+    position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
+    orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
+    platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
+    walls: list of PlaneWall; shear_rate [s-1]: of a homogeneously sheared cell, whose mean flow, shear_rate times y
+    along x, is added to `velocity`;
+    thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
+    skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
+    bonds (m, 2): ids of grains bonded at the start, without stress; None for none; sorted here, lower id first;
+    integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
+    ledger: book the energy dissipated by each effect; parallel: share the grains among all threads
+    (True) or not (False); default: if there are many.
+    """
+
+    dim: int
+    lengths: tuple
+    periodic: tuple
+    shapes: list
+    shape: np.ndarray
+    position: np.ndarray
+    scale: np.ndarray
+    density: float
+    effects: list
+    angle: np.ndarray | None = None
+    orientation: np.ndarray | None = None
+    platen: np.ndarray | None = None
+    platens: list = field(default_factory=list)
+    walls: list = field(default_factory=list)
+    shear_rate: float = 0.0
+    velocity: np.ndarray | None = None
+    spin: np.ndarray | None = None
+    thickness: float | None = None
+    area: float | None = None
+    skin: float | None = None
+    dt: float | None = None
+    safety: float = 0.3
+    integrator: type = OnsetVerlet
+    ledger: bool = True
+    parallel: bool | None = None
+    bonds: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.dim not in (2, 3):
+            raise InputError(f"dim {self.dim!r}: must be 2 or 3")
+        n = len(self.position)
+        self.position = np.asarray(self.position, float)
+        self.scale = np.asarray(self.scale, float)
+        self.shape = np.asarray(self.shape, np.int32)
+        self.platen = np.full(n, -1, np.int32) if self.platen is None else np.asarray(self.platen, np.int32)
+        self._orient(n)
+        self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
+        self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
+        self.thickness = float(np.mean(self.scale)) if self.thickness is None else self.thickness
+        self._check(n)
+
+    def _orient(self, n):
+        """One description of the orientations: angles in 2D, unit quaternions in 3D."""
+        given, other = ("angle", "orientation") if self.dim == 2 else ("orientation", "angle")
+        if getattr(self, other) is not None:
+            raise InputError(f"Scene.{other}: given in {self.dim}D, where `{given}` says how a grain is turned")
+        if self.dim == 2:
+            self.angle = np.zeros(n) if self.angle is None else np.asarray(self.angle, float)
+        elif self.orientation is None:
+            self.orientation = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (n, 4))  # takes no memory
+        else:
+            self.orientation = np.asarray(self.orientation, float)
+
+    def turns(self):
+        """Orientations as the state keeps them: unit complex numbers (n, 2) or unit quaternions (n, 4)."""
+        if self.dim == 2:
+            return np.stack([np.cos(self.angle), np.sin(self.angle)], axis=1)
+        return self.orientation
+
+    def _check(self, n):
+        expected = {
+            "position": (n, self.dim),
+            "scale": (n,),
+            "shape": (n,),
+            "platen": (n,),
+            **({"angle": (n,)} if self.dim == 2 else {"orientation": (n, turn_size(3))}),
+            "velocity": (n, self.dim),
+            "spin": (n, spin_size(self.dim)),
+        }
+        for name, shape in expected.items():
+            value = getattr(self, name)
+            if value.shape != shape:
+                raise InputError(f"Scene.{name}: array of shape {value.shape}, must be {shape}")
+            if not np.isfinite(value).all():
+                raise InputError(f"Scene.{name}: grain {np.argwhere(~np.isfinite(value))[0][0]} is not finite")
+        for name in ("lengths", "periodic"):
+            if len(getattr(self, name)) != self.dim:
+                raise InputError(f"Scene.{name}: {len(getattr(self, name))} values, must be one per axis ({self.dim})")
+        if n == 0:
+            raise InputError("Scene.position: no grains, must be at least one")
+        if not (self.scale > 0).all():
+            raise InputError(f"Scene.scale: least value {self.scale.min():g} m, must be > 0")
+        if not (np.isfinite(self.density) and self.density > 0):
+            raise InputError(f"Scene.density: {self.density!r} kg/m3, must be > 0")
+        if self.shape.min() < 0 or self.shape.max() >= len(self.shapes):
+            raise InputError(f"Scene.shape: rows {self.shape.min()}..{self.shape.max()} of {len(self.shapes)} shapes")
+        if self.platen.max() >= len(self.platens) or self.platen.min() < -1:
+            raise InputError(f"Scene.platen: {self.platen.max()} but there are {len(self.platens)} platens")
+        if not all(isinstance(e, Effect) for e in self.effects):
+            raise InputError(f"Scene.effects: {self.effects!r}, must be instances of Effect")
+        names = [e.name for e in self.effects]
+        if len(set(names)) < len(names):
+            raise InputError(f"Scene.effects: {names}, each law may be listed once")
+        for role in {e.role for e in self.effects if e.role}:
+            same = [e.name for e in self.effects if e.role == role]
+            if len(same) > 1:
+                raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
+        self.bonds = checked_bonds(self.bonds, self.effects, n)
+        for effect in self.effects:
+            effect.check(self)
+        if self.skin is None:
+            self.skin = SKIN * float(np.mean(self.scale))
+        if not (np.isfinite(self.skin) and self.skin > 0):
+            raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
+        check_box(self.lengths, self.periodic, self.widest(), self.skin)
+        if self.dim == 3 and np.abs(np.linalg.norm(self.orientation, axis=1) - 1.0).max() > 1e-9:
+            raise InputError("Scene.orientation: must be unit quaternions (w, x, y, z) to 1e-9")
+        wrong = [s.name for s in self.shapes if s.dim != self.dim]
+        if wrong:
+            raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {self.dim}D")
+        kind = kind_of(self.shapes)
+        curved = [e.name for e in self.effects if "reduced_radius" in e.needs]
+        if curved and kind not in CURVED:
+            raise InputError(
+                f"Scene.effects: {curved} need one radius of curvature at the contact, which grains with {kind} "
+                f"surfaces do not have; shapes must be discs, spheres or arc chains"
+            )
+        check_walls(self)
+        check_shear(self)
+
+    def masses(self):
+        """(mass (n,) [kg], principal moments of inertia (n, 1 or 3) [kg m2]); a disc has the scene's thickness."""
+        s = self.scale
+        depth = self.thickness if self.dim == 2 else 1.0
+        measure = np.array([g.measure for g in self.shapes])[self.shape]
+        inertia = np.array([g.inertia for g in self.shapes])[self.shape]
+        unit = self.density * depth * s**self.dim
+        return unit * measure, (unit * s**2)[:, None] * inertia
+
+    def per_grain(self, attribute):
+        """Length `attribute` of the shapes, scaled to every grain [m]."""
+        return np.array([getattr(g, attribute) for g in self.shapes])[self.shape] * self.scale
+
+    def reach(self):
+        """Greatest distance of two surfaces [m] at which a law acts."""
+        return max((e.reach() for e in self.effects), default=0.0)
+
+    def widest(self):
+        """Greatest distance of two centres [m] at which grains act on each other."""
+        return 2.0 * float(self.per_grain("bounding_radius").max()) + self.reach()
+
+    def bodies(self):
+        """Facts that bound the time step; see effects.Bodies."""
+        mass, inertia = self.masses()
+        inertia = inertia.min(axis=1)
+        mobile = self.platen < 0 if (self.platen < 0).any() else np.ones(len(mass), bool)
+        least_mass = float(mass[mobile].min())
+        per_mass = float(self.contact_radii(mobile, mass).max())
+        return Bodies(
+            dim=self.dim,
+            least_mass=least_mass,
+            least_inertia=float(inertia[mobile].min()),
+            spin_factor=float((self.per_grain("bounding_radius") ** 2 * mass / inertia)[mobile].max()),
+            lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
+            coordination=COORDINATION[self.dim],
+            normal_stiffness=sum(
+                e.normal_stiffness() + e.stiffness_per_radius() * per_mass * least_mass for e in self.effects
+            ),
+            contact_radius_per_mass=per_mass,
+            bond_rate=0.0 if self.bonds is None else bond_rate(self),
+        )
+
+    def contact_radii(self, mobile, mass):
+        """Radius of a contact as deep as DEEP of a grain over its mass [m kg-1], of every mobile grain; 0 if no law
+        asks for radii of curvature."""
+        if not any("reduced_radius" in e.needs for e in self.effects):
+            return np.zeros(1)
+        curved = np.array([g.patches()[1].max() for g in self.shapes])[self.shape] * self.scale
+        reduced = curved * curved.max() / (curved + curved.max())
+        return (np.sqrt(reduced * DEEP * self.per_grain("bounding_radius")) / mass)[mobile]
+
+    def stable_dt(self):
+        """Largest stable step [s]: the laws' frequencies add up as the sum of 1/dt^2."""
+        bodies = self.bodies()
+        rates = sum(e.stable_dt(bodies) ** -2 for e in self.effects)
+        if rates == 0.0:
+            raise InputError("Scene.dt: no effect bounds the step, so it must be given")
+        return rates**-0.5
