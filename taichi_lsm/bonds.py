@@ -280,20 +280,27 @@ class FreedContacts:
                 k = g.slot_of[bonds.first[b]]
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.partner_id[s] == bonds.second[b]:
-                        gain = ti.cast(self.meet(k, pairs.partner[s], s), ti.f64)
+                        gain = ti.cast(self.meet(b, k, pairs.partner[s], s), ti.f64)
                         bonds.contact_gain[b] = bonds.contact_gain[b] + gain
                         if ti.static(bonds.ledger):
                             g.dissipated[k][bonds.book] = g.dissipated[k][bonds.book] - gain
 
     @ti.func
-    def meet(self, k, l, s):
-        """Elastic energy [J] of the new contact in list slot s, which then counts as an old one: it has no onset."""
+    def meet(self, b, k, l, s):
+        """Elastic energy [J] of the new contact in list slot s, which then counts as an old one: it has no onset.
+
+        Its force, too, acts through half of this step; the other half is taken back by that of the bond.
+        """
         d = self.forces.geometry.shortest(k, l)
         depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
         contact = self.forces.contact_of(k, l, s, depth, n, arm_k, arm_l, 0.0)
         gain = 0.0 * contact.depth
         if contact.touching == 1:
             self.pairs.status[s] = ti.cast(TOUCHING, ti.i8)
+            half = ti.cast(0.5 * self.forces.correction.elastic_force(depth) * n, ti.f64)
+            self.bonds.force[b] = self.bonds.force[b] - half
+            self.bonds.torque_first[b] = self.bonds.torque_first[b] + torque_of(arm_k, half)
+            self.bonds.torque_second[b] = self.bonds.torque_second[b] - torque_of(arm_l, half)
             for law in ti.static(self.stores):
                 if ti.static(law.history_size(self.grains.dim) > 0):
                     gain += law.contact_energy(contact, self.forces.history_of(law, s))

@@ -132,6 +132,18 @@ def test_wrong_bonds_are_refused():
         scenes.scene(x, [lsm.LinearElastic(1.0)], bonds=[[0, 1]])
 
 
+def test_the_stable_step_is_below_that_of_every_mode_of_a_pair():
+    """Two discs: stretching, shear with rolling, bending; nothing is wasted where one of them rules."""
+    pair = scenes.scene([(0.0, 0.0), (1.0, 0.0)], [bond()], bonds=[(1, 0)], thickness=0.8)
+    (m, _), inertia = pair.masses()
+    k_n, k_s, k_b, _ = bond().bond_stiffness(np.array([0.5]), np.array([1.0]), 0.8)[0]
+    modes = np.array([2 * k_n / m, 2 * k_s * (1 / m + 0.25 / inertia[0, 0]), 2 * k_b / inertia[0, 0]])
+    largest = 2.0 / np.sqrt(modes.max())
+    assert 0.6 * largest < pair.stable_dt() <= largest
+    pair.effects = [bond(young=1e-3 * YOUNG)]
+    assert pair.stable_dt() == pytest.approx(2.0 / np.sqrt(1e-3 * 2 * (0.5 * modes[1] + 0.5 * modes[2])))
+
+
 # A cantilever, and a pair that is sheared between two platens
 
 
@@ -202,7 +214,6 @@ def test_a_row_of_bonded_grains_is_a_beam(beam, direction):
     bending = length**3 / (3 * YOUNG * SECOND) + length / (SHEAR * AREA)
     flexibility = np.where(direction != 0, bending if direction[0] == 0 else length / (YOUNG * AREA), 0.0)
     relative = moved @ direction / (size * flexibility @ np.abs(direction)) - 1
-    print(direction, relative)
     assert abs(relative) < (0.01 if direction[0] else 0.005)
     force = beam.platens.force.to_numpy()[0]
     assert np.allclose(force, size * direction, atol=1e-5 * size)
@@ -217,8 +228,6 @@ def test_a_sheared_pair_breaks_at_its_strength(beam):
     while beam.bonds.intact[b] and beam.step < 20_000:
         strongest = max(strongest, np.linalg.norm(beam.bonds.force[b].to_numpy()))
         beam.run(10)
-    print(strongest / (AREA * COHESION), beam.step)
-    # shear at this angle turns the axis of neither grain
     assert strongest == pytest.approx(AREA * COHESION, rel=0.01)
     beam.run(10)
     assert not beam.bonds.force[b].to_numpy().any()
@@ -226,7 +235,6 @@ def test_a_sheared_pair_breaks_at_its_strength(beam):
     held = 0.5 * (AREA * COHESION) ** 2 / (SHEAR * AREA / LENGTH)
     assert beam.measure.sums()["dissipated_elastic_brittle_bond"] == pytest.approx(held, rel=0.01)
     work = beam.platens.snapshot()["work"].sum()
-    kinetic, lost = scenes.energy(beam)
     assert work == pytest.approx(held, rel=0.02)
     beam.platens.set("ram", 1, lsm.ConstantVelocity(0.0))
 
@@ -295,13 +303,11 @@ def test_pairs_break_at_their_strengths_and_the_energy_budget_closes(free):
     strength = np.array(
         [AREA * TENSILE, TENSILE * np.pi * RADIUS**3 / 4, COHESION * np.pi * RADIUS**3 / 2, AREA * TENSILE]
     )
-    print(loads / strength - 1, free.step, np.abs(balance).max())
     assert np.abs(loads / strength - 1).max() < 0.01
     assert np.abs(balance).max() < 1e-3
     free.run(2000)
     kinetic, lost = scenes.energy(free)
-    print("end", (kinetic + lost) / begin - 1, free.bonds.contact_gain)
-    assert kinetic + lost == pytest.approx(begin, rel=1e-3)
+    assert kinetic + lost == pytest.approx(begin, rel=scenes.tolerance(1e-6))
     stiffness = np.array([YOUNG * AREA, YOUNG * SECOND, 2 * SHEAR * SECOND, YOUNG * AREA / (1 - OVERLAP)])
     held = 0.5 * strength**2 / stiffness
     stretch = strength[3] / stiffness[3]
@@ -326,11 +332,9 @@ def test_a_spinning_cluster_keeps_its_momenta_and_its_energy(free):
     begin, lost = scenes.energy(free)
     free.run(20_000)
     p_end, angular_end = momenta()
-    print(np.abs(p_end - p).max() / np.abs(p).max(), np.abs(angular_end - angular).max() / np.abs(angular).max())
     assert np.abs(p_end - p).max() < scenes.tolerance(1e-10, 1e-8) * np.abs(p).max()
     assert np.abs(angular_end - angular).max() < scenes.tolerance(1e-10, 1e-8) * np.abs(angular).max()
     end, lost_end = scenes.energy(free)
-    print(end / begin - 1)
     assert end == pytest.approx(begin, rel=1e-4) and lost_end == 0
     labels = lsm.fragments(free)
     assert len(set(labels)) == 4 and len(set(labels[:5])) == 1

@@ -30,7 +30,7 @@ def test_energy_budget_closes_and_fragments_are_counted(rubble):
         rubble.run(STEPS // 10)
         balance.append(sum(scenes.energy(rubble)) / begin - 1)
     sums = rubble.measure.sums()
-    print(balance, sums["dissipated_elastic_brittle_bond"] / begin, rubble.bonds.contact_gain.to_numpy().sum() / begin)
+
     assert np.abs(balance).max() < 1e-3
     assert sums["dissipated_elastic_brittle_bond"] > 0.03 * begin
     assert rubble.bonds.contact_gain.to_numpy().sum() > 0.03 * begin
