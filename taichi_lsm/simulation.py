@@ -40,8 +40,7 @@ class Scene:
     position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
     orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
-    walls: list of PlaneWall; shear_rate [s-1]: of a homogeneously sheared cell, whose mean flow, shear_rate times y
-    along x, is added to `velocity`;
+    walls: PlaneWalls; shear_rate [s-1]: of a sheared cell, whose mean flow (see domain.py) is added to `velocity`;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
@@ -253,9 +252,7 @@ class Simulation:
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
         onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
         tumbles = shaped and scene.dim == 3
-        rows = grain_variables(
-            self.rotates, shaped, shaped, len(books), onset, tumbles, several, bool(scene.shear_rate)
-        )
+        rows = grain_variables(self.rotates, shaped, shaped, len(books), onset, tumbles, several, scene.shear_rate)
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
             self.domain = Domain(scene.lengths, scene.periodic, scene.shear_rate or 0.0)
@@ -269,10 +266,7 @@ class Simulation:
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass)
-            self.walls = None
-            if scene.walls:
-                room = self.grains.slot_of.shape[0]
-                self.walls = Walls(scene.walls, scene.dim, room, self.rotates, self.history, onset)
+            self.walls = Walls(scene.walls, self.grains, self.history, onset) if scene.walls else None
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
@@ -295,10 +289,8 @@ class Simulation:
         The number of grains, the laws and the integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
-        mine = [
-            (s.dim, len(s.position), [type(e) for e in s.effects], s.integrator, [w.name for w in s.walls])
-            for s in (self.scene, scene)
-        ]
+        mine = [(s.dim, len(s.position), [type(e) for e in s.effects], s.integrator) for s in (self.scene, scene)]
+        mine = [(*m, len(s.walls), bool(s.shear_rate)) for m, s in zip(mine, (self.scene, scene), strict=True)]
         if mine[0] != mine[1] or scene.platens or self.platens:
             raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
         self.scene, self.step = scene, 0
