@@ -94,11 +94,43 @@ class Domain:
         return self.borders(x_k, x_l) * self.shear_rate[0] * self.length[1]
 
     @ti.func
+    def note_strain(self):
+        """Before a launch: remember the strain since the list was built, for `way_in_flow`."""
+        if ti.static(self.sheared):
+            self.strain_before[0] = self.strain[0] - self.built_strain[0]
+
+    @ti.func
     def shear(self, dt):
         """Move the images by a step of dt [s]. Nobody may look at them meanwhile."""
         self.strain[0] = self.strain[0] + self.shear_rate[0] * dt
         shift = self.strain[0] * self.length[1]
         self.tilt[0] = shift - self.length[0] * nearest_integer(shift * self.inverse_length[0])
+
+    @ti.func
+    def carried(self, v, x, dt):
+        """u_x u_y dt [m2 s-1] of a grain with velocity v that was at x a step ago, u its velocity in the mean flow."""
+        flow = self.shear_rate[0] * (x[1] + 0.5 * v[1] * dt)
+        return (v[0] - flow) * v[1] * dt
+
+    @ti.func
+    def passed(self, x, before, half_skin, dt):
+        """Way in the mean flow [m] that a grain has made in a step, and half of what the flow has moved one that is
+        listed as its neighbour against it, at most."""
+        way = x - before
+        way[0] -= self.shear_rate[0] * before[1] * dt
+        return way.norm() + ti.abs(self.shear_rate[0]) * dt * (0.5 * self.widest[0] + 2.0 * half_skin)
+
+    @ti.func
+    def way_in_flow(self, way, built, half_skin, time):
+        """(way of a grain since the list was built less that of the mean flow, bound that it must keep below) [m].
+
+        way: with the flow; built: where it was then; time [s]: since the launch began, for the strain itself may be
+        moving on. With e the strain and d the vector between two grains then, that vector now is d + e d_y along x plus
+        the difference of their ways, and |d_y| is at most `widest` plus both ways if they touch.
+        """
+        strain = self.strain_before[0] + self.shear_rate[0] * time
+        way[0] -= strain * built[1]
+        return way, (half_skin - 0.5 * ti.abs(strain) * self.widest[0]) / (1.0 + ti.abs(strain))
 
     @ti.func
     def straightened(self, x):

@@ -32,8 +32,8 @@ class VelocityVerlet:
     def __init__(self, forces, platens, skin, dt, threads=1):
         self.forces, self.platens, self.crew = forces, platens, Crew(threads, LAST_STAGE + 1)
         self.grains, self.domain = forces.grains, forces.domain
-        self.led = platens is not None or forces.walled or forces.domain.sheared
         self.driven, self.walled = platens is not None, forces.walled
+        self.led = self.driven or self.walled or self.domain.sheared
         self.rotates, self.oriented = forces.rotates, self.grains.has("orientation")
         self.tumbles = self.grains.has("angular_momentum")
         self.shaped = self.grains.has("travel")
@@ -61,9 +61,7 @@ class VelocityVerlet:
         g.velocity[k] = self.kicked(k, g.velocity[k], (force * dt + kick) * g.inverse_mass[k], g.inverse_mass[k])
         g.position[k] = g.position[k] + g.velocity[k] * dt
         if ti.static(self.domain.sheared):
-            v = g.velocity[k]
-            flow = self.domain.shear_rate[0] * (before[1] + 0.5 * v[1] * dt)
-            self.forces.geometry.book_shear(k, (v[0] - flow) * v[1] * dt / g.inverse_mass[k])
+            self.forces.geometry.book_shear(k, self.domain.carried(g.velocity[k], before, dt) / g.inverse_mass[k])
         if ti.static(self.tumbles):
             self.tumble(k, torque * dt + twist, dt)
         else:
@@ -114,17 +112,11 @@ class VelocityVerlet:
     @ti.func
     def move_walls(self, step, count, resume, contact_dt):
         """Sum the forces on the plane walls and book their work, then let them drift, and shear the cell."""
+        dt = ti.select(step < count and step >= resume, self.dt[None], 0.0)
         if ti.static(self.walled):
-            if step > 0:
-                last_dt = self.dt[None]
-                if step <= resume:
-                    last_dt = contact_dt
-                self.forces.walls.gather(self.forces, last_dt)
-        if step < count and step >= resume:
-            if ti.static(self.walled):
-                self.forces.walls.move(self.dt[None])
-            if ti.static(self.domain.sheared):
-                self.domain.shear(self.dt[None])
+            self.forces.walls.go_on(self.forces, step > 0, self.dt[None] if step > resume else contact_dt, dt)
+        if ti.static(self.domain.sheared):
+            self.domain.shear(dt)
 
     @ti.func
     def move_platens(self, step, count, resume):
@@ -168,23 +160,16 @@ class VelocityVerlet:
         the step in the launch, kept in `moved` plus one.
         """
         g = self.grains
-        shift, rate = g.position[k] - before, 0.0 * self.dt[None]
-        if ti.static(self.domain.sheared):  # of neighbours in the mean flow only the relative motion counts
-            rate = ti.abs(self.domain.shear_rate[0])
-            shift[0] -= self.domain.shear_rate[0] * before[1] * self.dt[None]
+        limit, passed = self.half_skin[None], (g.position[k] - before).norm()
+        if ti.static(self.domain.sheared):
+            passed = self.domain.passed(g.position[k], before, limit, self.dt[None])
         if ti.static(self.shaped):
             fastest = ti.abs(g.spin[k][0]) if ti.static(g.dim == 2) else g.spin[k].norm()
             turning = TURN_MARGIN * fastest * self.dt[None] * g.radius[k]
-            g.travel[k] = g.travel[k] + shift.norm() + turning
+            g.travel[k] = g.travel[k] + passed + turning
         way = g.position[k] - g.built_position[k]
-        limit = self.half_skin[None]
         if ti.static(self.domain.sheared):
-            widest = self.domain.widest[0]
-            if ti.static(self.shaped):
-                g.travel[k] = g.travel[k] + rate * self.dt[None] * (0.5 * widest + 2.0 * limit)
-            strain = self.domain.strain_before[0] + (step + 1) * self.domain.shear_rate[0] * self.dt[None]
-            way[0] -= strain * g.built_position[k][1]
-            limit = (limit - 0.5 * ti.abs(strain) * widest) / (1.0 + ti.abs(strain))
+            way, limit = self.domain.way_in_flow(way, g.built_position[k], limit, (step + 1) * self.dt[None])
         if ti.static(
             self.forces.several
         ):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
@@ -242,8 +227,7 @@ class VelocityVerlet:
         """
         self.crew.begin(self.grains.count[None], self.forces.pairs.row_start)
         self.moved[None] = 0
-        if ti.static(self.domain.sheared):
-            self.domain.strain_before[0] = self.domain.strain[0] - self.domain.built_strain[0]
+        self.domain.note_strain()
         ti.loop_config(serialize=self.crew.size == 1)
         for i in range(self.crew.size * SPREAD):
             if i % SPREAD == 0:
@@ -308,6 +292,7 @@ class VelocityVerlet:
         if self.halted[None] == 0:
             if ti.static(self.driven):
                 self.platens.kick(self.dt[None])
+            self.domain.note_strain()
             self.move_walls(0, 1, 0, 0.0)
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:

@@ -26,8 +26,7 @@ class Scene:
     position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
     orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
     platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
-    walls: list of PlaneWall; shear_rate [s-1]: of a homogeneously sheared cell, whose mean flow, shear_rate times y
-    along x, is added to `velocity`;
+    walls: PlaneWalls; shear_rate [s-1]: of a sheared cell, whose mean flow (see domain.py) is added to `velocity`;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
     bonds (m, 2): ids of grains bonded at the start, without stress; None for none; sorted here, lower id first;

@@ -3,6 +3,7 @@
 import numpy as np
 
 from .contact.pairs import TOUCHING
+from .errors import InputError
 from .rotation import free_rotor, turned
 from .runtime import ti
 
@@ -20,6 +21,8 @@ class ShadowEnergy:
     """
 
     def __init__(self, sim):
+        if sim.walls or sim.domain.sheared:
+            raise InputError("ShadowEnergy: knows neither walls nor a sheared cell, but the scene has them")
         self.forces, self.integrator, self.grains, self.pairs = sim.forces, sim.integrator, sim.grains, sim.pairs
         capacity = self.grains.slot_of.shape[0]
         self.oriented = self.grains.has("orientation")

@@ -76,7 +76,8 @@ class Simulation:
         self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
         onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
         tumbles = shaped and scene.dim == 3
-        oriented, sheared = shaped or bonded, bool(scene.shear_rate)
+        sheared = bool(scene.shear_rate)
+        oriented = shaped or bonded
         rows = grain_variables(self.rotates, oriented, shaped, len(books), onset, tumbles, several, sheared)
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
@@ -92,10 +93,7 @@ class Simulation:
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass, self._dt)
-            self.walls = None
-            if scene.walls:
-                room = self.grains.slot_of.shape[0]
-                self.walls = Walls(scene.walls, scene.dim, room, self.rotates, self.history, onset)
+            self.walls = Walls(scene.walls, self.grains, self.history, onset) if scene.walls else None
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts, self.bonds)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
@@ -124,7 +122,8 @@ class Simulation:
                 len(s.position),
                 [(type(e), e.variant) for e in s.effects],
                 s.integrator,
-                [w.name for w in s.walls],
+                len(s.walls),
+                bool(s.shear_rate),
                 bond_count(s),
             )
             for s in (self.scene, scene)

@@ -68,7 +68,7 @@ def check_walls(scene):
             raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it")
 
 
-def contact_rows(rotates, history, onset):
+def contact_rows(history, onset):
     """Schema rows of a grain at a wall, by persistent id times the number of walls plus the wall."""
     rows = [
         Variable("row_status", ("row",), "i8", "1", "as of a pair of grains", True),
@@ -85,16 +85,16 @@ def contact_rows(rotates, history, onset):
 class Walls:
     """State of all walls and of the grains at them.
 
-    capacity: grains that there is room for; history: numbers that the laws remember of a contact; onset: contacts
-    begin and end with impulses. The rows of the grains go by id: they stay where they are when slots are re-sorted.
+    history: numbers that the laws remember of a contact; onset: contacts begin and end with impulses. The rows of the
+    grains go by id: they stay where they are when slots are re-sorted.
     """
 
-    def __init__(self, walls, dim, capacity, rotates, history, onset):
+    def __init__(self, walls, grains, history, onset):
         self.names = [wall.name for wall in walls]
-        self.count, self.dim, self.real = len(walls), dim, current().real
-        self.rotates, self.history_size, self.onset = rotates, history, onset
-        self.rows = contact_rows(rotates, history, onset)
-        sizes = {"space": dim, "history": history}
+        self.count, self.dim, self.real = len(walls), grains.dim, current().real
+        self.onset = onset
+        self.rows = contact_rows(history, onset)
+        sizes, capacity = {"space": self.dim, "history": history}, grains.slot_of.shape[0]
         fields = vars(allocate(WALL_ROWS, self.count, sizes))
         for name, field in {**fields, **vars(allocate(self.rows, self.count * capacity, sizes))}.items():
             setattr(self, name, field)
@@ -134,8 +134,10 @@ class Walls:
         return {name: np.array([getattr(self, name)[w] for w in range(self.count)]) for name in PUBLISHED}
 
     @ti.func
-    def move(self, dt):
-        """Let the walls drift by a step."""
+    def go_on(self, forces: ti.template(), done, last_dt, dt):
+        """End the last step of last_dt [s], if it is `done`, by summing the forces; let the walls drift for dt [s]."""
+        if done:
+            self.gather(forces, last_dt)
         for w in range(self.count):
             self.displacement[w] = self.displacement[w] + self.velocity[w] * dt
 
