@@ -205,3 +205,10 @@ def require(condition, effect, field, value, allowed):
     """Raise InputError naming the law's field, its value and what is allowed."""
     if not condition:
         raise InputError(f"{type(effect).__name__}.{field} = {value!r}: must be {allowed}")
+
+
+def check_elastic_constants(effect):
+    """Raise InputError unless the law's youngs_modulus and poissons_ratio are those of a solid."""
+    modulus, ratio = effect.youngs_modulus, effect.poissons_ratio
+    require(np.isfinite(modulus) and modulus > 0.0, effect, "youngs_modulus", modulus, "> 0 Pa")
+    require(np.isfinite(ratio) and -1.0 < ratio <= 0.5, effect, "poissons_ratio", ratio, "> -1 and <= 0.5")

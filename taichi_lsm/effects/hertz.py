@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runtime import ti
-from .base import Effect, require
+from .base import Effect, check_elastic_constants, require
 
 
 @ti.data_oriented
@@ -65,10 +65,3 @@ class Hertz(Effect):
     @classmethod
     def cases(cls):
         return [cls(youngs_modulus=1.0e5, poissons_ratio=0.3), cls(youngs_modulus=7.0e10, poissons_ratio=0.0)]
-
-
-def check_elastic_constants(effect):
-    """Raise InputError unless the law's youngs_modulus and poissons_ratio are those of a solid."""
-    modulus, ratio = effect.youngs_modulus, effect.poissons_ratio
-    require(np.isfinite(modulus) and modulus > 0.0, effect, "youngs_modulus", modulus, "> 0 Pa")
-    require(np.isfinite(ratio) and -1.0 < ratio <= 0.5, effect, "poissons_ratio", ratio, "> -1 and <= 0.5")

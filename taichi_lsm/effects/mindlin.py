@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runtime import ti
-from .base import Effect, HistoryValue, require
-from .hertz import Hertz, check_elastic_constants
+from .base import Effect, HistoryValue, check_elastic_constants, require
 from .transport import transported
 
 TINY = 1.0e-30  # keeps quotients finite where a force or a length is zero
@@ -87,7 +86,7 @@ class Mindlin(Effect):
 
     def check(self, scene):
         mine = (self.youngs_modulus, self.poissons_ratio)
-        found = [(e.youngs_modulus, e.poissons_ratio) for e in scene.effects if isinstance(e, Hertz)]
+        found = [(e.youngs_modulus, e.poissons_ratio) for e in scene.effects if e.name == "hertz"]
         require(found == [mine], self, "youngs_modulus, poissons_ratio", mine, f"those of Hertz in the scene, {found}")
 
     def stable_dt(self, bodies):
