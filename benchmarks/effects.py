@@ -14,6 +14,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 
+import numpy as np
+
 import taichi_lsm as lsm
 from benchmarks import bounds, page, scenes
 from benchmarks.ours import Worker
@@ -21,6 +23,7 @@ from benchmarks.ours import Worker
 SAVED = Path(__file__).parent.parent / "data" / "effect_costs.json"
 STEPS = 2000  # per turn
 K = scenes.NORMAL_STIFFNESS
+MODULUS, RATIO = 1e5, 0.25  # of Hertz' elasticity: as stiff as K at a depth of about a hundredth of a grain
 ELASTIC = [lsm.LinearElastic(K)]
 DAMPED = [*ELASTIC, lsm.ViscousDamping(rate=scenes.DAMPING_RATE)]
 COULOMB = lsm.CoulombFriction(scenes.FRICTION, scenes.TANGENTIAL_RATIO * K)
@@ -34,6 +37,20 @@ COMPOSITIONS = {
     "global_damping": ([*FRICTIONAL, lsm.GlobalDamping(1e-3)], "coulomb_friction"),
     "cohesion": ([*FRICTIONAL, lsm.Cohesion(1e-3 * K, 0.02)], "coulomb_friction"),
     "rolling_resistance": ([*FRICTIONAL, lsm.RollingResistance(0.1, 0.01 * K)], "coulomb_friction"),
+    "velocity_weakening_friction": (
+        [*DAMPED, lsm.VelocityWeakeningFriction(scenes.FRICTION, 0.3, 1.0, scenes.TANGENTIAL_RATIO * K)],
+        "viscous_damping",
+    ),
+    "rate_and_state_friction": (
+        [*DAMPED, lsm.RateAndStateFriction(scenes.FRICTION, 0.01, 0.015, 1e-3, 1.0, scenes.TANGENTIAL_RATIO * K)],
+        "viscous_damping",
+    ),
+    "elastic_brittle_bond": (
+        [*FRICTIONAL, lsm.ElasticBrittleBond(K, RATIO, np.inf, 0.8)],  # all that touch are bonded, instead of contacts
+        "coulomb_friction",
+    ),
+    "hertz": ([lsm.Hertz(MODULUS, RATIO)], None),
+    "mindlin": ([lsm.Hertz(MODULUS, RATIO), lsm.Mindlin(scenes.FRICTION, MODULUS, RATIO)], "hertz"),
 }
 FEWER = {"frictionless_over_frictional": 0.65, "discs_over_spheres": 0.5}  # at most
 SIZES = (("10000", 1), ("100000", 2))  # grains, threads

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 import taichi_lsm as lsm
 
@@ -106,7 +107,18 @@ def declared(tag, extras=False, parallel=None):
         from benchmarks.effects import COMPOSITIONS
 
         scene.effects, scene.dt = COMPOSITIONS[composition][0], FROZEN * TIME_STEP
+        if any(law.phase == "bond" for law in scene.effects):
+            scene.bonds = touching(state)
     return scene, float(state.box.prod()), 0
+
+
+def touching(state):
+    """Pairs (m, 2) of mobile grains that touch, those across a periodic border left out; the lower number first."""
+    mobile = np.flatnonzero(state.kind == MOBILE)
+    pairs = mobile[cKDTree(state.x[mobile]).query_pairs(state.d.max(), output_type="ndarray")]
+    apart = np.linalg.norm(state.x[pairs[:, 0]] - state.x[pairs[:, 1]], axis=1)
+    pairs = pairs[apart < 0.5 * state.d[pairs].sum(axis=1)].astype(np.int32)
+    return pairs[np.lexsort(pairs.T[::-1])]
 
 
 def _layer(dim, shape):

@@ -84,7 +84,7 @@ def test_workflows_use_the_public_names_alone():
 
 def test_laws_see_a_contact_and_never_the_state():
     allowed = {"taichi_lsm.effects", "taichi_lsm.effects.base", "taichi_lsm.errors", "taichi_lsm.rotation"}
-    allowed |= {"taichi_lsm.runtime", "taichi_lsm.effects.transport", "taichi_lsm.effects.hertz"}
+    allowed |= {"taichi_lsm.runtime", "taichi_lsm.effects.transport"}
     for module, path in MODULES.items():
         if module.startswith("taichi_lsm.effects"):
             inside = {n for n in imports(path, module) if n.startswith("taichi_lsm")}

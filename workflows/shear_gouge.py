@@ -200,8 +200,8 @@ def laws(p):
 def _bond(p):
     """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
     return lsm.ElasticBrittleBond(
-        young=p.stiffness / (BOND_WIDTH * p.diameter),
-        poisson=BOND_POISSON,
+        youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
+        poissons_ratio=BOND_POISSON,
         cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),
         friction_angle=BOND_ANGLE,
         radius_ratio=BOND_WIDTH,

@@ -92,7 +92,7 @@ def bond_loads(u, turn, e_k, e_l, stiffness):
 class ElasticBrittleBond(Effect):
     """Beams between bonded grains, `Scene.bonds`, that break at a Mohr-Coulomb limit; without stress at the start.
 
-    young E [Pa]; poisson nu [-]; cohesion c [Pa]; friction_angle phi [rad]: tensile strength c/tan(phi);
+    youngs_modulus E [Pa]; poissons_ratio nu; cohesion c [Pa]; friction_angle phi [rad]: tensile strength c/tan(phi);
     radius_ratio: radius R of a bond over the mean radius of its grains. L is the distance of their centres. In 3D the
     section is a circle, A = pi R^2, I = pi R^4/4, J = 2 I; in 2D a rectangle of width 2 R and the thickness T of the
     scene, A = 2 R T, I = 2 R^3 T/3. k_n = E A/L, k_s = G A/L, k_b = E I/L, k_t = G J/L, G = E/(2 (1 + nu)).
@@ -103,8 +103,8 @@ class ElasticBrittleBond(Effect):
     elastic energy of the contact that then begins between grains that overlap.
     """
 
-    young: float
-    poisson: float
+    youngs_modulus: float
+    poissons_ratio: float
     cohesion: float
     friction_angle: float
     radius_ratio: float = 1.0
@@ -114,19 +114,21 @@ class ElasticBrittleBond(Effect):
     dissipates = True
     equation = "F_n/F_n0 + M_b/M_b0 + F_s/F_s0 + M_t/M_t0 <= 1"
     units = {
-        "young": "Pa",
-        "poisson": "1",
+        "youngs_modulus": "Pa",
+        "poissons_ratio": "1",
         "cohesion": "Pa",
         "friction_angle": "rad",
         "radius_ratio": "1",
     }
 
     def __post_init__(self):
-        for name, unit in (("young", "Pa"), ("cohesion", "Pa"), ("radius_ratio", "")):
+        for name, unit in (("youngs_modulus", "Pa"), ("cohesion", "Pa"), ("radius_ratio", "")):
             value = getattr(self, name)
             positive = value > 0.0 and (np.isfinite(value) or name == "cohesion")
             require(positive, self, name, value, f"> 0 {unit}".strip())
-        require(-1.0 < self.poisson <= 0.5, self, "poisson", self.poisson, "above -1 and at most 0.5")
+        require(
+            -1.0 < self.poissons_ratio <= 0.5, self, "poissons_ratio", self.poissons_ratio, "above -1 and at most 0.5"
+        )
         angle = self.friction_angle
         require(0.0 < angle < 0.5 * np.pi, self, "friction_angle", angle, "between 0 and pi/2 rad")
 
@@ -140,8 +142,8 @@ class ElasticBrittleBond(Effect):
     def bond_stiffness(self, radius, length, depth=None):
         """k_n, k_s [N m-1], k_b, k_t [N m] as (m, 4) of bonds of these radii and lengths [m]; depth [m]: None in 3D."""
         area, bending, torsion = self.bond_sections(radius, depth)
-        r, shear = self.radius_ratio * radius, self.young / (2.0 * (1.0 + self.poisson))
-        k = [self.young * area, shear * area, self.young * bending * r, shear * torsion * r]
+        r, shear = self.radius_ratio * radius, self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+        k = [self.youngs_modulus * area, shear * area, self.youngs_modulus * bending * r, shear * torsion * r]
         return np.stack(k, axis=1) / length[:, None]
 
     def bond_strength(self, radius, depth=None):
@@ -170,6 +172,6 @@ class ElasticBrittleBond(Effect):
     @classmethod
     def cases(cls):
         return [
-            cls(young=1.0e7, poisson=0.25, cohesion=1.0e5, friction_angle=0.6),
-            cls(young=1.0e6, poisson=0.0, cohesion=np.inf, friction_angle=0.8, radius_ratio=0.5),
+            cls(youngs_modulus=1.0e7, poissons_ratio=0.25, cohesion=1.0e5, friction_angle=0.6),
+            cls(youngs_modulus=1.0e6, poissons_ratio=0.0, cohesion=np.inf, friction_angle=0.8, radius_ratio=0.5),
         ]

@@ -25,7 +25,9 @@ FAR = np.array([0.0, 30.0, 0.0])
 
 
 def bond(**more):
-    return lsm.ElasticBrittleBond(**dict(young=YOUNG, poisson=POISSON, cohesion=COHESION, friction_angle=ANGLE) | more)
+    return lsm.ElasticBrittleBond(
+        **dict(youngs_modulus=YOUNG, poissons_ratio=POISSON, cohesion=COHESION, friction_angle=ANGLE) | more
+    )
 
 
 # The law by itself
@@ -108,7 +110,11 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
 
 @pytest.mark.parametrize(
     "more, field",
-    [({"young": -1.0}, "young"), ({"poisson": 0.6}, "poisson"), ({"cohesion": 0.0}, "cohesion")]
+    [
+        ({"youngs_modulus": -1.0}, "youngs_modulus"),
+        ({"poissons_ratio": 0.6}, "poissons_ratio"),
+        ({"cohesion": 0.0}, "cohesion"),
+    ]
     + [({"friction_angle": 2.0}, "friction_angle"), ({"radius_ratio": np.inf}, "radius_ratio")],
 )
 def test_wrong_numbers_are_refused(more, field):
@@ -140,7 +146,7 @@ def test_the_stable_step_is_below_that_of_every_mode_of_a_pair():
     modes = np.array([2 * k_n / m, 2 * k_s * (1 / m + 0.25 / inertia[0, 0]), 2 * k_b / inertia[0, 0]])
     largest = 2.0 / np.sqrt(modes.max())
     assert 0.6 * largest < pair.stable_dt() <= largest
-    pair.effects = [bond(young=1e-3 * YOUNG)]
+    pair.effects = [bond(youngs_modulus=1e-3 * YOUNG)]
     assert pair.stable_dt() == pytest.approx(2.0 / np.sqrt(1e-3 * 2 * (0.5 * modes[1] + 0.5 * modes[2])))
 
 
