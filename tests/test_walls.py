@@ -232,7 +232,8 @@ def test_bits_do_not_depend_on_threads(tmp_path):
 
 def test_walls_that_make_no_sense_are_refused():
     def walls(*given, **more):
-        return scenes.scene([(1.0, 1.0), (3.0, 0.2)], laws((0.0, -G)), walls=list(given), **more)
+        effects = more.pop("effects", laws((0.0, -G)))
+        return scenes.scene([(1.0, 1.0), (3.0, 0.2)], effects, walls=list(given), **more)
 
     with pytest.raises(lsm.InputError, match="wall 'floor': the centre of grain 1 starts beyond it"):
         walls(lsm.PlaneWall("floor", (0.0, 0.5), (0.0, 1.0)))
@@ -245,7 +246,8 @@ def test_walls_that_make_no_sense_are_refused():
     with pytest.raises(lsm.InputError, match="zero along periodic axes"):
         walls(BOX[1], lengths=(9.0, np.inf), periodic=(True, False))
     with pytest.raises(lsm.InputError, match="no single deepest point"):
-        walls(FLOOR, shapes=[lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])])
+        clump = lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
+        walls(FLOOR, shapes=[clump], effects=[lsm.LinearElastic(K)])
     walls(FLOOR, lengths=(9.0, np.inf), periodic=(True, False))
 
 
