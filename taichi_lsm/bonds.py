@@ -101,11 +101,6 @@ def bond_law(effects):
     return next((e for e in effects if e.phase == "bond"), None)
 
 
-def bond_count(scene):
-    """Number of bonds of a scene."""
-    return 0 if scene.bonds is None else len(scene.bonds)
-
-
 def bond_rate(scene):
     """Bound on the square of the angular frequencies of the bonds [s-2].
 

@@ -4,21 +4,21 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from .bonds import Bonds, FreedContacts, bond_count, bond_law
+from .bonds import Bonds, FreedContacts, bond_law
 from .contact.broad import NeighbourList, NeighbourSearch, grown
 from .contact.faults import Faults
 from .contact.pair_geometry import PairGeometry
 from .contact.pairs import Pairs
 from .contact.parts import PartTable
-from .contact.surfaces import kind_of, surface_table
+from .contact.surfaces import surface_table
 from .diagnostics import Measure
 from .domain import Domain
 from .drives import Platens
-from .effects.base import ON_CONTACTS
 from .errors import InputError, SimulationError
 from .forces import ContactForces
+from .make_up import MakeUp
 from .runtime import allocating, start, when_allocated
-from .state import Grains, grain_variables
+from .state import Grains
 from .walls import Walls
 
 PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
@@ -68,39 +68,31 @@ class Simulation:
         self.skin = scene.skin
         stable = scene.stable_dt() if scene.dt is None else None
         self._dt = scene.dt if scene.dt is not None else scene.safety * stable
-        kind = kind_of(scene.shapes)
-        shaped, several = kind != "sphere", max(len(s.parts) for s in scene.shapes) > 1
-        bonded = scene.bonds is not None
-        self.rotates = shaped or bonded or any(e.phase == "tangential" or e.couples for e in scene.effects)
-        books = [e for e in scene.effects if e.dissipates] if scene.ledger else []
-        self.history = sum(e.history_size(scene.dim) for e in scene.effects if e.phase in ON_CONTACTS)
-        onset = scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in scene.effects)
-        tumbles = shaped and scene.dim == 3
-        sheared = bool(scene.shear_rate)
-        oriented = shaped or bonded
-        rows = grain_variables(self.rotates, oriented, shaped, len(books), onset, tumbles, several, sheared)
+        made = self.make_up = MakeUp.of(scene)
+        self.rotates = made.rotates
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
             self.domain = Domain(scene.lengths, scene.periodic, scene.shear_rate or 0.0)
-            self.grains = Grains(scene.dim, n, rows, len(books))
+            self.grains = Grains(scene.dim, n, made.grain_rows(), made.books)
             self.faults = Faults()
-            self.surfaces = surface_table(kind, scene.shapes)
-            self.parts = PartTable(scene.shapes, self.grains) if several else None
+            self.surfaces = surface_table(made.kind, scene.shapes)
+            self.parts = PartTable(scene.shapes, self.grains) if made.several else None
             self.state = StateView(self.grains)
-            when_allocated(lambda: self._load_scene(shaped))
-            self.bonds = Bonds(scene, bond_law(self.effects), self.grains, self.domain) if bonded else None
+            when_allocated(self._load_scene)
+            self.bonds = Bonds(scene, bond_law(self.effects), self.grains, self.domain) if made.bonds else None
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass, self._dt)
-            self.walls = Walls(scene.walls, self.grains, self.history, onset) if scene.walls else None
+            self.walls = Walls(scene.walls, self.grains, made.history, made.onset) if scene.walls else None
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts, self.bonds)
         wanted = self.search.count()
         capacity = self.grains.slot_of.shape[0]
-        dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if shaped else 1.0) if n <= MANY else 0
+        dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if made.shaped else 1.0) if n <= MANY else 0
         room = int(max(1.15 * wanted, dense))
         with allocating():
-            self._compose(Pairs(scene.dim, capacity, room, self.rotates, kind, self.history, onset, several))
+            pairs = Pairs(scene.dim, capacity, room, made.rotates, made.kind, made.history, made.onset, made.several)
+            self._compose(pairs)
         self.neighbours.write()
         self._begin()
 
@@ -116,20 +108,9 @@ class Simulation:
         Numbers of grains and bonds, laws and integrator must be the same and there may be no platens; positions,
         shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
         """
-        mine = [
-            (
-                s.dim,
-                len(s.position),
-                [(type(e), e.variant) for e in s.effects],
-                s.integrator,
-                len(s.walls),
-                bool(s.shear_rate),
-                bond_count(s),
-            )
-            for s in (self.scene, scene)
-        ]
-        if mine[0] != mine[1] or scene.platens or self.platens:
-            raise InputError(f"Simulation.load: scene of make-up {mine[1]}, must be {mine[0]} without platens")
+        other = MakeUp.of(scene)
+        if other != self.make_up or scene.platens or self.platens:
+            raise InputError(f"Simulation.load: scene of {other}, must be of {self.make_up} without platens")
         self.scene, self.step = scene, 0
         self.faults.clear()
         self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
@@ -143,7 +124,7 @@ class Simulation:
             self.parts.fill(scene.shapes)
         if self.walls:
             self.walls.begin(scene.walls)
-        self._load_scene(self.surfaces is not None)
+        self._load_scene()
         self.search.set_skin(self.skin + scene.reach())
         if self.forces.reaches:
             self.forces.geometry.set_reach(scene.reach())
@@ -161,7 +142,7 @@ class Simulation:
         lengths = self.scene.lengths
         return lengths[0] * (self.scene.thickness if self.scene.dim == 2 else lengths[2])
 
-    def _load_scene(self, shaped):
+    def _load_scene(self):
         scene, state = self.scene, self.state
         mass, inertia = scene.masses()
         state.position.from_numpy(scene.position)
@@ -177,7 +158,7 @@ class Simulation:
             state.inverse_inertia.from_numpy(1.0 / inertia)
         if self.grains.has("orientation"):
             state.orientation.from_numpy(scene.turns())
-        if shaped:
+        if self.make_up.shaped:
             state.shape.from_numpy(scene.shape)
             state.scale.from_numpy(scene.scale)
             state.cap_radius.from_numpy(scene.per_grain("cap_radius"))
