@@ -295,6 +295,8 @@ def check_nothing_is_finite(bench, inputs):
         out = bench(**still)
         assert all(np.all(np.isfinite(values)) for values in out.values())
         assert all(np.all(out[name] == 0.0) for name in ("tangential_force", "couple", "lost"))
+        nowhere = bench(**still | {"normal": 0.0 * inputs["normal"]})  # of coincident centres, which have none
+        assert all(np.all(np.isfinite(values)) for values in nowhere.values())
         if depth == 0.0 and not bench.reaches:
             assert np.all(out["normal_force"] == 0.0) and np.all(out["energy"] == 0.0)
 
