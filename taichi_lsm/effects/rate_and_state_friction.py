@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import transported
+from .transport import square_of, stable_spring_step, transported
 
 ITERATIONS = 12  # of Newton's method: solve 200 000 random steps to 1e-9, 8 all but 1 in 2000, over 14 decades of V
 SETTLED = 1e-13  # change of ln(V/V_0), relative, at which Newton's method ends
@@ -87,8 +87,7 @@ class RateAndStateFriction(Effect):
 
     def stable_dt(self, bodies):
         """As for the normal spring, with the leverage R^2 m/I of tangential motion; rate and state are implicit."""
-        per_contact = self.tangential_stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
-        return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+        return stable_spring_step(self.tangential_stiffness, bodies)
 
     @ti.func
     def evolved(self, s, y, r):
@@ -184,10 +183,7 @@ class RateAndStateFriction(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
-        xi2 = history[0] * history[0]
-        if ti.static(contact.normal.n == 3):
-            xi2 += history[1] * history[1] + history[2] * history[2]
-        return 0.5 * self.k_t_[0] * xi2
+        return 0.5 * self.k_t_[0] * square_of(contact, history)
 
     @classmethod
     def cases(cls):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import transported
+from .transport import square_of, transported
 
 
 @ti.data_oriented
@@ -72,10 +72,7 @@ class RollingResistance(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
-        angle2 = history[0] * history[0]
-        if ti.static(contact.normal.n == 3):
-            angle2 += history[1] * history[1] + history[2] * history[2]
-        return 0.5 * self.k_[0] * angle2
+        return 0.5 * self.k_[0] * square_of(contact, history)
 
     @classmethod
     def cases(cls):

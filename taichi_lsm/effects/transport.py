@@ -1,6 +1,23 @@
-"""Tangential vectors that belong to a contact and turn with it."""
+"""Tangential springs: vectors that belong to a contact and turn with it, their energy and their stable step."""
+
+import numpy as np
 
 from ..runtime import ti
+
+
+def stable_spring_step(stiffness, bodies):
+    """Stable step [s] of a tangential spring [N m-1]: as of a normal one, with the leverage R^2 m/I of spinning."""
+    per_contact = stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
+    return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+
+
+@ti.func
+def square_of(contact, history):
+    """Square of the tangential vector with which a history begins: one number in 2D, three in 3D."""
+    square = history[0] * history[0]
+    if ti.static(contact.normal.n == 3):
+        square += history[1] * history[1] + history[2] * history[2]
+    return square
 
 
 @ti.func

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import transported
+from .transport import square_of, stable_spring_step, transported
 
 
 @ti.data_oriented
@@ -57,8 +57,7 @@ class VelocityWeakeningFriction(Effect):
 
     def stable_dt(self, bodies):
         """As for the normal spring, with the leverage R^2 m/I of tangential motion."""
-        per_contact = self.tangential_stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
-        return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+        return stable_spring_step(self.tangential_stiffness, bodies)
 
     @ti.func
     def coefficient(self, speed):
@@ -96,10 +95,7 @@ class VelocityWeakeningFriction(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
-        xi2 = history[0] * history[0]
-        if ti.static(contact.normal.n == 3):
-            xi2 += history[1] * history[1] + history[2] * history[2]
-        return 0.5 * self.k_t_[0] * xi2
+        return 0.5 * self.k_t_[0] * square_of(contact, history)
 
     @classmethod
     def cases(cls):
