@@ -20,7 +20,7 @@ from .errors import InputError  # noqa: E402
 
 class _LongLines:
     """Takes the place of the text wrapper that Taichi runs over the source of every node it reads, to quote it if there
-    is an error: a fifth of the time until a program with cached kernels makes its first step."""
+    is an error, at every start."""
 
     def __init__(self, width):
         pass
