@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import square_of, stable_spring_step, transported
+from .transport import in_space, limited, remember, slip_of, spring_of, square_of, stable_spring_step
 
 
 @ti.data_oriented
@@ -57,37 +57,17 @@ class CoulombFriction(Effect):
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
-        mu, k_t, n = self.mu_[0], self.k_t_[0], contact.normal
+        mu, k_t = self.mu_[0], self.k_t_[0]
         limit = mu / k_t * contact.normal_force  # in this order the division is made once for all contacts
-        dissipated = 0.0 * limit
-        if ti.static(n.n == 2):
-            # along t = n turned by 90 degrees the spring is one number and turns with the contact by itself
-            t = ti.Vector([-n[1], n[0]])
-            xi_old = history[0]
-            trial = xi_old + t.dot(contact.slip) * contact.dt
-            if ti.static(self.drops):
-                limit = self.chosen_limit(limit, trial * trial, contact, history)
-            xi = ti.max(-limit, ti.min(limit, trial))
-            if xi != trial:
-                contact.sliding = 1
-            dissipated = 0.5 * k_t * (xi_old + xi) * (trial - xi)
-            contact.tangential_force -= k_t * xi * t
-            history[0] = xi
-        else:
-            xi_old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
-            trial = xi_old + contact.slip * contact.dt
-            xi = trial
-            size2 = trial.dot(trial)
-            if ti.static(self.drops):
-                limit = self.chosen_limit(limit, size2, contact, history)
-            if size2 > limit * limit:
-                xi = trial * (limit / ti.sqrt(size2))
-                contact.sliding = 1
-                dissipated = 0.5 * k_t * (xi_old + xi).dot(trial - xi)
-            contact.tangential_force -= k_t * xi
-            for axis in ti.static(range(3)):
-                history[axis] = xi[axis]
-        return dissipated
+        xi_old = spring_of(contact, history)
+        trial = xi_old + slip_of(contact)
+        if ti.static(self.drops):
+            limit = self.chosen_limit(limit, trial.dot(trial), contact, history)
+        xi, slides = limited(trial, limit)
+        contact.sliding |= slides
+        contact.tangential_force -= in_space(contact, k_t * xi)
+        remember(history, xi)
+        return 0.5 * k_t * (xi_old + xi).dot(trial - xi)
 
     @ti.func
     def chosen_limit(self, static, size2, contact, history: ti.template()):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import square_of, stable_spring_step, transported
+from .transport import in_space, remember, slip_of, spring_of, square_of, stable_spring_step
 
 ITERATIONS = 12  # of Newton's method: solve 200 000 random steps to 1e-9, 8 all but 1 in 2000, over 14 decades of V
 SETTLED = 1e-13  # change of ln(V/V_0), relative, at which Newton's method ends
@@ -152,34 +152,19 @@ class RateAndStateFriction(Effect):
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
-        k_t, n = self.k_t_[0], contact.normal
+        k_t = self.k_t_[0]
         limit = self.a_[0] / k_t * contact.normal_force
-        last = ti.static(n.n if n.n == 3 else 1)
-        dissipated = 0.0 * limit
-        dt = ti.max(contact.dt, INSTANT)
-        if ti.static(n.n == 2):
-            t = ti.Vector([-n[1], n[0]])
-            xi_old = history[0]
-            trial = xi_old + t.dot(contact.slip) * contact.dt
-            part, s, y = self.slipped(ti.max(ti.abs(trial), TINY), ti.max(limit, TINY), history[last], dt)
-            xi = ti.select(limit > 0.0, part, 0.0) * trial
-            dissipated = 0.5 * k_t * (xi_old + xi) * (trial - xi)
-            contact.tangential_force -= k_t * xi * t
-            history[0] = xi
-            contact.sliding = ti.select(y >= 0.0, 1, 0)
-            history[last] = ti.select(contact.touching == 1, s, 0.0)
-        else:
-            xi_old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
-            trial = xi_old + contact.slip * contact.dt
-            part, s, y = self.slipped(ti.max(ti.sqrt(trial.dot(trial)), TINY), ti.max(limit, TINY), history[last], dt)
-            xi = ti.select(limit > 0.0, part, 0.0) * trial
-            dissipated = 0.5 * k_t * (xi_old + xi).dot(trial - xi)
-            contact.tangential_force -= k_t * xi
-            for axis in ti.static(range(3)):
-                history[axis] = xi[axis]
-            contact.sliding = ti.select(y >= 0.0, 1, 0)
-            history[last] = ti.select(contact.touching == 1, s, 0.0)
-        return dissipated
+        xi_old = spring_of(contact, history)
+        trial = xi_old + slip_of(contact)
+        last = ti.static(xi_old.n)
+        size, dt = ti.max(ti.sqrt(trial.dot(trial)), TINY), ti.max(contact.dt, INSTANT)
+        part, s, y = self.slipped(size, ti.max(limit, TINY), history[last], dt)
+        xi = ti.select(limit > 0.0, part, 0.0) * trial
+        contact.sliding = ti.select(y >= 0.0, 1, 0)
+        contact.tangential_force -= in_space(contact, k_t * xi)
+        remember(history, xi)
+        history[last] = ti.select(contact.touching == 1, s, 0.0)
+        return 0.5 * k_t * (xi_old + xi).dot(trial - xi)
 
     @ti.func
     def contact_energy(self, contact, history):

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import square_of, transported
+from .transport import limited, remember, spring_of, square_of
 
 
 @ti.data_oriented
@@ -47,28 +47,14 @@ class RollingResistance(Effect):
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
         k, n = self.k_[0], contact.normal
-        limit = self.mu_[0] / k * contact.reduced_radius * contact.normal_force
-        dissipated = 0.0 * limit
-        if ti.static(n.n == 2):
-            old = history[0]
-            trial = old + contact.relative_spin[0] * contact.dt
-            angle = ti.max(-limit, ti.min(limit, trial))
-            dissipated = 0.5 * k * (old + angle) * (trial - angle)
-            contact.couple[0] -= k * angle
-            history[0] = angle
-        else:
-            old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
-            rolling = contact.relative_spin - contact.relative_spin.dot(n) * n
-            trial = old + rolling * contact.dt
-            angle = trial
-            size2 = trial.dot(trial)
-            if size2 > limit * limit:
-                angle = trial * (limit / ti.sqrt(size2))
-                dissipated = 0.5 * k * (old + angle).dot(trial - angle)
-            contact.couple -= k * angle
-            for axis in ti.static(range(3)):
-                history[axis] = angle[axis]
-        return dissipated
+        old, rolling = spring_of(contact, history), contact.relative_spin
+        if ti.static(n.n == 3):
+            rolling -= rolling.dot(n) * n
+        trial = old + rolling * contact.dt
+        angle, _ = limited(trial, self.mu_[0] / k * contact.reduced_radius * contact.normal_force)
+        contact.couple -= k * angle
+        remember(history, angle)
+        return 0.5 * k * (old + angle).dot(trial - angle)
 
     @ti.func
     def contact_energy(self, contact, history):

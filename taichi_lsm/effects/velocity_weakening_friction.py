@@ -6,7 +6,7 @@ import numpy as np
 
 from ..runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import square_of, stable_spring_step, transported
+from .transport import in_space, limited, remember, slip_of, spring_of, square_of, stable_spring_step
 
 
 @ti.data_oriented
@@ -66,32 +66,15 @@ class VelocityWeakeningFriction(Effect):
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
-        k_t, n = self.k_t_[0], contact.normal
+        k_t = self.k_t_[0]
         limit = self.coefficient(ti.sqrt(contact.slip.dot(contact.slip))) / k_t * contact.normal_force
-        dissipated = 0.0 * limit
-        if ti.static(n.n == 2):
-            t = ti.Vector([-n[1], n[0]])
-            xi_old = history[0]
-            trial = xi_old + t.dot(contact.slip) * contact.dt
-            xi = ti.max(-limit, ti.min(limit, trial))
-            if xi != trial:
-                contact.sliding = 1
-            dissipated = 0.5 * k_t * (xi_old + xi) * (trial - xi)
-            contact.tangential_force -= k_t * xi * t
-            history[0] = xi
-        else:
-            xi_old = transported(ti.Vector([history[0], history[1], history[2]]), n, contact)
-            trial = xi_old + contact.slip * contact.dt
-            xi = trial
-            size2 = trial.dot(trial)
-            if size2 > limit * limit:
-                xi = trial * (limit / ti.sqrt(size2))
-                contact.sliding = 1
-                dissipated = 0.5 * k_t * (xi_old + xi).dot(trial - xi)
-            contact.tangential_force -= k_t * xi
-            for axis in ti.static(range(3)):
-                history[axis] = xi[axis]
-        return dissipated
+        xi_old = spring_of(contact, history)
+        trial = xi_old + slip_of(contact)
+        xi, slides = limited(trial, limit)
+        contact.sliding |= slides
+        contact.tangential_force -= in_space(contact, k_t * xi)
+        remember(history, xi)
+        return 0.5 * k_t * (xi_old + xi).dot(trial - xi)
 
     @ti.func
     def contact_energy(self, contact, history):
