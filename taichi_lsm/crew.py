@@ -17,8 +17,6 @@ SPREAD = 512  # indices of a parallel loop per thread: Taichi hands out tasks of
 class Crew:
     """Counters by which `size` threads divide each of the `stages` of a launch.
 
-    Of one thread they cost a few nanoseconds per stage.
-
     In a loop that is shared in this way `x[k] += a` would be atomic, and slow: write x[k] = x[k] + a.
     """
 

@@ -17,7 +17,7 @@ from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
 
-SAMPLES_PER_ROW = 5  # a sample costs as much as a dozen steps
+SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
 AGGREGATES = 24  # different breakable grains in a layer, at most

@@ -8,7 +8,7 @@ from ..runtime import ti
 from .base import Effect, HistoryValue, require
 from .transport import in_space, remember, slip_of, spring_of, square_of, stable_spring_step
 
-ITERATIONS = 12  # of Newton's method: solve 200 000 random steps to 1e-9, 8 all but 1 in 2000, over 14 decades of V
+ITERATIONS = 12  # of Newton's method, at most
 SETTLED = 1e-13  # change of ln(V/V_0), relative, at which Newton's method ends
 TINY = 1e-30  # [m], a spring or a limit that is none, in single precision too
 INSTANT = 1e-20  # [s], in place of a step of no length
