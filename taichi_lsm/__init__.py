@@ -10,6 +10,10 @@ __version__ = "0.1.0"
 _HOME = {
     "Scene": "scene",
     "Simulation": "simulation",
+    "Guards": "guards",
+    "MakeUp": "make_up",
+    "Energies": "balance",
+    "energies": "balance",
     "ShadowEnergy": "shadow",
     "OnsetVerlet": "integrators",
     "VelocityVerlet": "integrators",

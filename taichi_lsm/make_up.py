@@ -15,10 +15,11 @@ class MakeUp:
     kind: of the surfaces, sphere | chain | polyhedron | cones; several: grains of several parts; rotates: torques act
     on the grains; oriented: their orientation matters; onset: contacts begin and end with impulses; sheared: the cell
     is in homogeneous shear; books: laws that book dissipated energy; history: numbers that the laws remember of a pair;
-    laws: classes and variants; count, bonds, walls: how many there are; integrator: its class.
+    laws: classes and variants; count, bonds, walls: how many there are; integrator: its class; periodic: axes.
     """
 
     dim: int
+    periodic: tuple
     count: int
     kind: str
     several: bool
@@ -40,6 +41,7 @@ class MakeUp:
         shaped, bonded = kind != "sphere", scene.bonds is not None
         return cls(
             dim=scene.dim,
+            periodic=tuple(bool(p) for p in scene.periodic),
             count=len(scene.position),
             kind=kind,
             several=max(len(s.parts) for s in scene.shapes) > 1,

@@ -9,6 +9,7 @@ from .contact.surfaces import CURVED, kind_of
 from .domain import check_box, check_shear
 from .effects import Bodies, Effect
 from .errors import InputError
+from .guards import Guards
 from .integrators import OnsetVerlet
 from .state import spin_size, turn_size
 from .walls import check_walls
@@ -32,7 +33,7 @@ class Scene:
     bonds (m, 2): ids of grains bonded at the start, without stress; None for none; sorted here, lower id first;
     integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
     ledger: book the energy dissipated by each effect; parallel: share the grains among all threads
-    (True) or not (False); default: if there are many.
+    (True) or not (False); default: if there are many; guards: limits beyond which a run is stopped.
     """
 
     dim: int
@@ -61,6 +62,7 @@ class Scene:
     ledger: bool = True
     parallel: bool | None = None
     bonds: np.ndarray | None = None
+    guards: Guards = Guards()
 
     def __post_init__(self):
         if self.dim not in (2, 3):

@@ -105,8 +105,9 @@ class Simulation:
     def load(self, scene):
         """Start again from another scene of the same make-up, without compiling anything.
 
-        Numbers of grains and bonds, laws and integrator must be the same and there may be no platens; positions,
-        shapes, sizes, parameters of the laws and the time step may differ. Raises InputError otherwise.
+        Numbers of grains and bonds, laws, integrator and periodic axes must be the same and there may be no platens;
+        positions, shapes, sizes, lengths of the cell, parameters of the laws, guards and the time step may differ.
+        Raises InputError otherwise.
         """
         other = MakeUp.of(scene)
         if other != self.make_up or scene.platens or self.platens:
@@ -116,6 +117,7 @@ class Simulation:
         self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
         self.skin = scene.skin
         self.integrator.set_step(self._dt, self.skin)
+        self.domain.set_lengths(scene.lengths)
         for bound, effect in zip(self.effects, scene.effects, strict=True):
             bound.write_parameters(effect)
         if self.surfaces:

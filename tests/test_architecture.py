@@ -26,7 +26,7 @@ LAYERS = [
     {"composition"},
     {"forces"},
     {"integrators", "drives", "diagnostics", "analysis", "output", "output_grains", "output_rows", "checkpoint"},
-    {"scene", "euler", "make_up"},
+    {"scene", "euler", "make_up", "guards", "balance"},
     {"simulation", "energy_file"},
     {"layer", "shadow", "profiling"},
     {"recording"},

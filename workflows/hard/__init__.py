@@ -1,0 +1,133 @@
+"""Hard cases: situations that break codes like this one, each with a measure and the bound that it must respect.
+
+A module of this package holds the cases of one kind, as functions under the decorator `hard`; the cases of a module
+run in one process. The name of the function is that of the case and its docstring says what makes it hard.
+"""
+
+import importlib
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+import taichi_lsm as lsm
+
+MODULES = ("outlines", "solids", "packings", "steps", "laws", "driven")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One hard case: `run(bench)` returns a value that must not exceed the bound.
+
+    measure: what the value is, in words; unit: of it, "1" for a pure number; f32_bound: bound in single precision,
+    None for the same; excepted: why the case is not claimed in single precision, "" if it is.
+    """
+
+    name: str
+    title: str
+    why: str
+    measure: str
+    unit: str
+    bound: float
+    run: Callable
+    f32_bound: float | None = None
+    excepted: str = ""
+
+    def bound_in(self, precision):
+        """The bound in f64 or f32."""
+        return self.bound if precision == "f64" or self.f32_bound is None else self.f32_bound
+
+
+def hard(title, measure, bound, unit="1", f32_bound=None, excepted=""):
+    """Decorator of a function (bench) -> value that is a hard case; see Case."""
+
+    def case_of(run):
+        why = " ".join(inspect.getdoc(run).split())
+        return Case(run.__name__, title, why, measure, unit, bound, run, f32_bound, excepted)
+
+    return case_of
+
+
+def cases_of(module):
+    """The cases of a module of this package, in the order of its text."""
+    found = vars(importlib.import_module(f"{__name__}.{module}")).values()
+    return [thing for thing in found if isinstance(thing, Case)]
+
+
+class Bench:
+    """Runs scenes for the cases of one process: scenes of equal make-up share one compiled simulation.
+
+    precision: f64 or f32; short: fewer steps; guards: in place of those of the scenes, None to leave them.
+    """
+
+    def __init__(self, precision="f64", short=True, guards=None):
+        self.precision, self.short, self.guards = precision, short, guards
+        self._made = {}
+
+    def steps(self, full, short):
+        """Number of steps of a full or of a short run."""
+        return short if self.short else full
+
+    def simulate(self, scene):
+        """A simulation at the start of `scene`; the last one of the same make-up must no longer be used."""
+        if self.guards is not None:
+            scene.guards = self.guards
+        make_up = None if scene.platens else lsm.MakeUp.of(scene)
+        if make_up in self._made:
+            self._made[make_up].load(scene)
+            return self._made[make_up]
+        sim = lsm.Simulation(scene, precision=self.precision)
+        if make_up is not None:
+            self._made[make_up] = sim
+        return sim
+
+
+def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, density=1000.0, **more):
+    """Scene of grains at `position` (n, dim) [m], in open space unless told otherwise; discs or spheres of 1 m."""
+    position = np.asarray(position, float)
+    n, dim = position.shape
+    return lsm.Scene(
+        dim=dim,
+        lengths=lengths or (np.inf,) * dim,
+        periodic=periodic or (False,) * dim,
+        shapes=shapes or [lsm.disc() if dim == 2 else lsm.sphere()],
+        shape=np.broadcast_to(shape, n).copy(),
+        position=position,
+        scale=np.broadcast_to(scale, n).astype(float),
+        density=density,
+        effects=effects,
+        **more,
+    )
+
+
+def worst_balance(sim, steps, samples=20):
+    """Greatest abs(balance/balance at the start - 1) of the energy over a run in `samples` pieces [1].
+
+    For scenes that start with all their energy: the balance must not be 0.
+    """
+    start, worst = lsm.energies(sim).balance, 0.0
+    for _ in range(samples):
+        sim.run(max(1, steps // samples))
+        worst = max(worst, abs(lsm.energies(sim).balance / start - 1.0))
+    return worst
+
+
+def refused(make, *words):
+    """0 if `make()` raises InputError with all the words in its message, else infinity."""
+    try:
+        make()
+    except lsm.InputError as error:
+        return 0.0 if all(word in str(error) for word in words) else math.inf
+    return math.inf
+
+
+def steps_until_stopped(sim, steps, *words):
+    """Steps that were made until SimulationError, with all the words in its message, stopped the run; else infinity."""
+    begin = sim.step
+    try:
+        sim.run(steps)
+    except lsm.SimulationError as error:
+        return float(sim.step - begin) if all(word in str(error) for word in words) else math.inf
+    return math.inf
