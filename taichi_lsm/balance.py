@@ -2,9 +2,11 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 
 class Energies(NamedTuple):
-    """Terms of the budget [J]: kinetic (platens included), elastic (contacts and bonds), potential, dissipated and work.
+    """Terms of the budget [J]: kinetic (with the platens), elastic (contacts, bonds), potential, dissipated and work.
 
     dissipated: booked by laws and drives since the start, without a ledger only by drives; work: done since the start
     by what moves platens, plane walls and a sheared cell.
@@ -27,17 +29,19 @@ class Energies(NamedTuple):
         return self.stored + self.dissipated - self.work
 
 
-def energies(sim, sums=None):
-    """Energies of `sim` now; sums: what `sim.measure.sums` returned just now, if it is known."""
+def energies(sim, sums=None, platens=None):
+    """Energies of `sim` now; sums, platens: what `sim.measure.sums` and `sim.platens.snapshot` returned just now, if
+    that is known."""
     sums = sim.measure.sums() if sums is None else sums
     kinetic = sums["translational_energy"] + sums["rotational_energy"]
     dissipated = sum(value for name, value in sums.items() if name.startswith("dissipated_"))
     work = sums.get("shear_work", 0.0)
     if sim.platens:
-        now = sim.platens.snapshot()
-        kinetic += 0.5 * float((sim.platens.mass.to_numpy() * now["velocity"] ** 2).sum())
-        dissipated += float(now["dissipated"].sum())
-        work += float(now["work"].sum())
+        platens = sim.platens.snapshot() if platens is None else platens
+        mass = np.array([sim.platens.mass[p] for p in range(sim.platens.count)])
+        kinetic += 0.5 * float((mass * platens["velocity"] ** 2).sum())
+        dissipated += float(platens["dissipated"].sum())
+        work += float(platens["work"].sum())
     if sim.walls:
-        work += float(sim.walls.work.to_numpy().sum())
+        work += float(sum(sim.walls.work[w] for w in range(sim.walls.count)))
     return Energies(kinetic, sums["elastic_energy"], sums["potential_energy"], dissipated, work)

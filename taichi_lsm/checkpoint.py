@@ -82,6 +82,7 @@ def restore_checkpoint(sim, path):
     for flag in (sim.integrator.moved, sim.integrator.halted, sim.integrator.steps_done):
         flag[None] = 0
     sim.faults.clear()
+    sim.sentinel.begin()
     if sim.walls:
         sim.walls.mark_all()
     if sim.domain.sheared:

@@ -83,6 +83,15 @@ class Domain:
                 d[axis] -= self.length[axis] * nearest_integer(d[axis] * self.inverse_length[axis])
         return d
 
+    def apart(self, x_k, x_l):
+        """The same on the host, for one pair: (dim,) [m]."""
+        d = x_l - x_k
+        if self.sheared:
+            d[0] -= self.tilt[0] * np.rint(d[1] * self.inverse_length[1])
+        for axis in np.flatnonzero(self.periodic):
+            d[axis] -= self.length[axis] * np.rint(d[axis] * self.inverse_length[axis])
+        return d
+
     @ti.func
     def borders(self, x_k, x_l):
         """Borders along y that lie between x_k and the image of x_l nearest to it, which is then x_l itself if 0."""

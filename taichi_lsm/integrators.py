@@ -237,8 +237,8 @@ class VelocityVerlet:
     def work(self, t, count, resume, contact_dt):
         """What thread t does in a launch, see `steps`."""
         lanes = self.forces.lanes(0)
-        step, going = 0, 1
-        while step <= count and going == 1:
+        step, going, fault = 0, 1, 0
+        while step <= count and going == 1 and fault == 0:
             stage = STAGES * step  # a thread that slept through a step must not mistake one stage for another
             if ti.static(self.led):
                 if self.crew.alone(stage):  # one thread moves the platens while others move the grains between
@@ -270,10 +270,11 @@ class VelocityVerlet:
                         self.forces.rows(lanes, self.crew.first[part], self.crew.first[part + 1], dt)
                         part = self.crew.hand_in(t, stage + 2)
                     self.crew.wait(t, stage + 2)
+                    fault = self.forces.geometry.faults.code[None]  # of this step, or of one that others have begun
             step += going
         if self.crew.alone(LAST_STAGE):
             self.halted[None] = 1 - going
-            self.steps_done[None] = ti.min(step, count) - resume
+        ti.atomic_max(self.steps_done[None], ti.min(step, count) - resume)
 
     @ti.func
     def work_on_bonds(self, t, stage, step):

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 
+from .balance import energies
 from .bonds import fragments
 from .errors import SimulationError
 from .schema import Variable
@@ -102,11 +103,10 @@ class ShearedLayer:
         self.plane = [float(inner[p][scene.platen == p].mean()) for p in (0, 1)]
         self.strain = self.throughput = 0.0
         self._sums = []
-        self._platen_mass = platens.mass.to_numpy()
         self._last_sample_time = sim.time
         self._mark_step = sim.step
         self._mark = platens.snapshot()
-        self._energy0 = None
+        self._balance0 = None
         self.sample()
         self.residual_mark, self._work_mark = self.residual, self._works()
 
@@ -138,17 +138,14 @@ class ShearedLayer:
             warnings.warn(f"step {sim.step}: an overlap is {sums['deepest']:.2f} of its cap", stacklevel=2)
         self.strain += gradient * (sim.time - self._last_sample_time)
         self._last_sample_time = sim.time
-        kinetic = 0.5 * float((self._platen_mass * velocity**2).sum())
-        sums["translational_energy"] += kinetic
-        stored = sum(
-            sums[n] for n in ("translational_energy", "rotational_energy", "elastic_energy", "potential_energy")
-        )
+        now = energies(sim, sums, platens)
+        sums["translational_energy"] = now.kinetic - sums["rotational_energy"]
         lost = [sums[f"dissipated_{e.name}"] for e in sim.forces.books] + [float(platens["dissipated"].sum())]
-        work = float(platens["work"].sum())
-        if self._energy0 is None:
-            self._energy0 = stored - work + sum(lost)
-        self.residual = work - (stored - self._energy0) - sum(lost)
-        self._sums.append(sums | {"lost": lost, "work": work, "thickness": thickness, "shear_velocity": shear_velocity})
+        self._balance0 = now.balance if self._balance0 is None else self._balance0
+        self.residual = self._balance0 - now.balance
+        self._sums.append(
+            sums | {"lost": lost, "work": now.work, "thickness": thickness, "shear_velocity": shear_velocity}
+        )
 
     def begin_shear(self):
         """Count strain and the energy residual from here: the end of consolidation."""

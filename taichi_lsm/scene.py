@@ -1,6 +1,6 @@
 """A scene: everything that defines a run, as plain data, checked before anything is compiled."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -209,9 +209,32 @@ class Scene:
         return (np.sqrt(reduced * DEEP * self.per_grain("bounding_radius")) / mass)[mobile]
 
     def stable_dt(self):
-        """Largest stable step [s]: the laws' frequencies add up as the sum of 1/dt^2."""
-        bodies = self.bodies()
-        rates = sum(e.stable_dt(bodies) ** -2 for e in self.effects)
-        if rates == 0.0:
+        """Largest stable step [s] of a dense packing of these grains."""
+        bound = self.step_bound(self.bodies())
+        if not np.isfinite(bound):
             raise InputError("Scene.dt: no effect bounds the step, so it must be given")
-        return rates**-0.5
+        return bound
+
+    def step_bound(self, bodies):
+        """Largest stable step [s] of such bodies, infinite if no law bounds it: the laws' frequencies add up as the sum
+        of 1/dt^2."""
+        rates = sum(e.stable_dt(bodies) ** -2 for e in self.effects)
+        return rates**-0.5 if rates > 0.0 else np.inf
+
+    def chosen_dt(self):
+        """The time step [s]: `dt` if it is given, else `safety` times the stable one.
+
+        Raises InputError for a step at which a single contact of the lightest grains may be unstable.
+        """
+        if self.dt is None:
+            return self.safety * self.stable_dt()
+        if not (np.isfinite(self.dt) and self.dt > 0.0):
+            raise InputError(f"Scene.dt: {self.dt!r} s, must be > 0, or None for a stable one")
+        if self.guards.step:
+            most = self.guards.step * self.step_bound(replace(self.bodies(), coordination=1.0))
+            if self.dt > most:
+                raise InputError(
+                    f"Scene.dt: {self.dt:g} s, must be <= {most:g} s, "
+                    "the stable step of a single contact of the lightest grains"
+                )
+        return self.dt

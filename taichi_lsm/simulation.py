@@ -1,10 +1,13 @@
 """The simulation that runs a scene."""
 
 import time
+from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 from .bonds import Bonds, FreedContacts, bond_law
+from .checkpoint import save_checkpoint
 from .contact.broad import NeighbourList, NeighbourSearch, grown
 from .contact.faults import Faults
 from .contact.pair_geometry import PairGeometry
@@ -18,6 +21,7 @@ from .errors import InputError, SimulationError
 from .forces import ContactForces
 from .make_up import MakeUp
 from .runtime import allocating, start, when_allocated
+from .sentinel import Sentinel
 from .state import Grains
 from .walls import Walls
 
@@ -25,31 +29,34 @@ PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packin
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
 MANY = 20_000  # grains; for more memory matters, for fewer a list that need not grow, as each growth compiles anew
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
+LAST_GOOD, STOPPED = "checkpoint.nc", "stopped.nc"
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
 
 class StateView:
     """`sim.state.<name>.to_numpy()`: a state row by persistent id. `from_numpy` writes one."""
 
-    def __init__(self, grains):
-        self._grains = grains
+    def __init__(self, grains, changed):
+        self._grains, self._changed = grains, changed
 
     def __getattr__(self, name):
         if name.startswith("_") or not self._grains.has(name):
             raise AttributeError(f"no state {name!r} in this scene; it has {', '.join(sorted(self._grains.variables))}")
-        return _Column(self._grains, name)
+        return _Column(self._grains, name, self._changed)
 
 
 @dataclass(frozen=True)
 class _Column:
     grains: Grains
     name: str
+    changed: Callable
 
     def to_numpy(self):
         return self.grains.column(self.name)
 
     def from_numpy(self, values):
         self.grains.set_column(self.name, values)
+        self.changed()
 
 
 class Simulation:
@@ -61,13 +68,13 @@ class Simulation:
         self.step = 0
         self.rebuilds = 0
         self.launches = 0
+        self._folder = self.sentinel = None
         self.seconds = {}  # by what the run was doing
         n = len(scene.position)
         together = n > SERIAL_LIMIT if scene.parallel is None else scene.parallel
         self.crew = self.runtime.threads if together else 1
         self.skin = scene.skin
-        stable = scene.stable_dt() if scene.dt is None else None
-        self._dt = scene.dt if scene.dt is not None else scene.safety * stable
+        self._dt = scene.chosen_dt()
         made = self.make_up = MakeUp.of(scene)
         self.rotates = made.rotates
         with allocating():
@@ -77,7 +84,7 @@ class Simulation:
             self.faults = Faults()
             self.surfaces = surface_table(made.kind, scene.shapes)
             self.parts = PartTable(scene.shapes, self.grains) if made.several else None
-            self.state = StateView(self.grains)
+            self.state = StateView(self.grains, self._energies_changed)
             when_allocated(self._load_scene)
             self.bonds = Bonds(scene, bond_law(self.effects), self.grains, self.domain) if made.bonds else None
             self.platens = None
@@ -86,7 +93,7 @@ class Simulation:
                 self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass, self._dt)
             self.walls = Walls(scene.walls, self.grains, made.history, made.onset) if scene.walls else None
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts, self.bonds)
-        wanted = self.search.count()
+        wanted = self._count()
         capacity = self.grains.slot_of.shape[0]
         dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if made.shaped else 1.0) if n <= MANY else 0
         room = int(max(1.15 * wanted, dense))
@@ -100,7 +107,8 @@ class Simulation:
         """First evaluation of the contacts, then velocities half a step back."""
         self.integrator.contacts_only(0.0)
         self.integrator.shift_velocities()
-        self.faults.raise_any(self.step)
+        self.sentinel.begin()
+        self.sentinel.check_faults()
 
     def load(self, scene):
         """Start again from another scene of the same make-up, without compiling anything.
@@ -114,7 +122,7 @@ class Simulation:
             raise InputError(f"Simulation.load: scene of {other}, must be of {self.make_up} without platens")
         self.scene, self.step = scene, 0
         self.faults.clear()
-        self._dt = scene.dt if scene.dt is not None else scene.safety * scene.stable_dt()
+        self._dt = scene.chosen_dt()
         self.skin = scene.skin
         self.integrator.set_step(self._dt, self.skin)
         self.domain.set_lengths(scene.lengths)
@@ -176,6 +184,7 @@ class Simulation:
         self.freed = FreedContacts(self.bonds, self.forces) if self.bonds else None
         self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
         self.measure = Measure(self.forces, self.integrator)
+        self.sentinel = Sentinel(self, self.sentinel)
 
     @property
     def dt(self):
@@ -199,29 +208,63 @@ class Simulation:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
 
+    def keep(self, folder, seconds=60.0):
+        """Keep the last good state in `folder`: checkpoint.nc, written every so many seconds of wall clock when all
+        guards are content. A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads
+        both."""
+        self._folder, self._keep_seconds, self._kept = Path(folder), seconds, time.monotonic()
+
     def run(self, steps):
         """Advance by an integer number of steps. Raises SimulationError naming the step, the grains and the cause."""
         target = self.step + int(steps)
-        while self.step < target:
+        try:
+            while self.step < target:
+                self._launch(target - self.step)
+                if self._folder is not None and time.monotonic() - self._kept >= self._keep_seconds:
+                    self.sentinel.check_all()
+                    with self.clock("output"):
+                        save_checkpoint(self, self._folder / LAST_GOOD)
+                    self._kept = time.monotonic()
+        except SimulationError as error:
+            self._save_stopped(error)
+            raise
+
+    def _launch(self, steps):
+        with self.clock("steps"):
+            self.integrator.launch(steps)
+        self.launches += 1
+        self.step += self.integrator.steps_done[None]
+        self.integrator.steps_done[None] = 0
+        self.sentinel.check_faults()
+        if self.integrator.halted[None]:
+            with self.clock("neighbour list"):
+                self._rebuild()
             with self.clock("steps"):
-                self.integrator.launch(target - self.step)
-            self.launches += 1
-            self.step += self.integrator.steps_done[None]
-            self.integrator.steps_done[None] = 0
-            self.faults.raise_any(self.step)
-            if self.integrator.halted[None]:
-                with self.clock("neighbour list"):
-                    self._rebuild()
-                with self.clock("steps"):
-                    self.integrator.contacts_only(self._dt)
-                self.step += 1
-                self.faults.raise_any(self.step)
+                self.integrator.contacts_only(self._dt)
+            self.step += 1
+            self.sentinel.check_faults()
+        with self.clock("guards"):
+            self.sentinel.check()
+
+    def _save_stopped(self, error):
+        """Add to the error what was saved of the run."""
+        if self._folder is not None:
+            save_checkpoint(self, self._folder / STOPPED)
+            error.saved = tuple(self._folder / name for name in (STOPPED, LAST_GOOD) if (self._folder / name).exists())
+
+    def _energies_changed(self):
+        if self.sentinel:
+            self.sentinel.forget()
+
+    def _count(self):
+        """Number of pairs to be listed; no grain may be lost or have jumped."""
+        try:
+            return self.search.count(self._dt, self.scene.guards)
+        except SimulationError as error:
+            raise SimulationError(f"step {self.step}: {error}", self.step, error.grains, error.values) from None
 
     def _rebuild(self):
-        try:
-            wanted = self.search.count()
-        except SimulationError as error:
-            raise SimulationError(f"step {self.step}: {error}") from None
+        wanted = self._count()
         if wanted > self.pairs.capacity:
             capacity = self.grains.slot_of.shape[0]
             self._compose(grown(self.pairs, self.scene.dim, capacity, self.rotates, int(GROWTH * wanted)))

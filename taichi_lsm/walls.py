@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .contact.faults import WALL
 from .contact.pairs import ACTING, KICKED, SLIDING, TOUCHING
 from .errors import InputError
 from .rotation import spin_velocity, torque_of, turned
@@ -224,7 +225,7 @@ class Walls:
         least = forces.geometry.least_depth()
         if depth > least or was != 0:
             if self.height(w, g.position[k]) <= 0.0:
-                forces.geometry.faults.report(2, g.id[k], w)
+                forces.geometry.faults.report(WALL, g.id[k], w)
             for law in ti.static(forces.laws):
                 self.apply(forces, contact, law, k, r)
             f = contact.normal_force * contact.normal + contact.tangential_force

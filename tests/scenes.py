@@ -65,6 +65,7 @@ def reload(sim, dt=None, strain=0.0, **columns):
         set_dt(sim, dt)
     sim.step = 0
     sim.faults.clear()
+    sim.sentinel.begin()
     sim._rebuild()
     sim._begin()
 

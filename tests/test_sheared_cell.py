@@ -105,7 +105,7 @@ def test_the_list_is_that_of_brute_force(dense, strain):
         x[order[1::2]] = x[order[::2]] + (0.999 * apart)[:, None] * slant  # pairs farthest apart in the upright cell
         dense.state.position.from_numpy(x)
         dense.domain.set_shear(RATE, dense.scene.widest(), strain)
-        if dense.search.count() > dense.pairs.capacity:
+        if dense._count() > dense.pairs.capacity:
             continue
         tried += 1
         dense.neighbours.write()

@@ -7,6 +7,7 @@ from ..runtime import current, ti, when_allocated
 from .cells import SparseGrid
 from .pairs import PART_BASE, Pairs
 
+FAR = 1e300  # [m], beyond which a coordinate is as good as no number
 SORT_INTERVAL = 20  # rebuilds between two re-sortings of the grains along the cells
 SORT_LEAST = 4000  # grains; fewer lie in the cache in any order
 ROOM = 12  # partners that are noted while they are counted; longer rows are searched twice
@@ -28,7 +29,7 @@ class NeighbourSearch:
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
         self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if self.several else self.row_count
-        self.trouble = ti.field(ti.i32, 2)  # 1 + id of a grain at a position that is no number; of a crushed platen
+        self.trouble = ti.field(ti.i32, 3)  # 1 + id of a grain that is nowhere, of a crushed platen, of one that jumps
         self.searches = 0
         when_allocated(lambda: self.set_skin(skin))
 
@@ -130,17 +131,16 @@ class NeighbourSearch:
             p.part_code[at] = code
 
     @ti.kernel
-    def count_partners(self) -> ti.i32:
-        """Number of pairs to be listed, or -1 if there is trouble."""
-        self.trouble[0] = 0
-        self.trouble[1] = 0
+    def count_partners(self, jump: ti.f64) -> ti.i32:
+        """Number of pairs to be listed. jump [s]: a grain that moves by more than its radius in this time is noted."""
+        for i in ti.static(range(3)):
+            self.trouble[i] = 0
         ti.loop_config(serialize=self.serial)
         for c in range(self.grid.occupied[None]):
             lists, number = self.grid.around(c)
             k = self.grid.head[self.grid.home(c)] - 1
             while k >= 0:
-                if ti.math.isnan(self.grains.position[k].sum()):
-                    self.trouble[0] = self.grains.id[k] + 1
+                self.note_trouble(k, jump)
                 self.found_count[k] = self.search(k, lists, number)
                 if ti.static(self.several):
                     self.row_count[k] = self.visit(k, 0, 0, False)
@@ -149,9 +149,19 @@ class NeighbourSearch:
         ti.loop_config(serialize=True)
         for k in range(self.grains.count[None]):
             total += self.row_count[k]
-        if self.trouble[0] + self.trouble[1] > 0:
-            total = -1
         return total
+
+    @ti.func
+    def note_trouble(self, k, jump):
+        """Note a grain whose position is no number, or that moves too far in one step."""
+        g = self.grains
+        if not ti.abs(g.position[k]).sum() < FAR:
+            self.trouble[0] = g.id[k] + 1
+        v = g.velocity[k]
+        if ti.static(self.domain.sheared):
+            v[0] -= self.domain.shear_rate[0] * g.position[k][1]
+        if g.platen[k] < 0 and v.norm() * jump > g.radius[k]:
+            self.trouble[2] = g.id[k] + 1
 
     def sort_grains(self):
         """Order the slots along the cells, so that neighbours in space are neighbours in memory."""
@@ -165,19 +175,35 @@ class NeighbourSearch:
         cell -= cell.min(axis=0)
         g.reorder(np.argsort(morton_code(cell), kind="stable"))
 
-    def count(self):
-        """Number of pairs to be listed. Raises SimulationError if a grain is lost or the layer is gone."""
+    def count(self, dt, guards):
+        """Number of pairs to be listed. Raises SimulationError if a guard finds a grain that is lost or that jumps in a
+        step of dt [s], or if the layer is gone."""
         if len(self.grains) >= SORT_LEAST and self.searches % SORT_INTERVAL == 0:
             self.sort_grains()
         self.searches += 1
         self.grid.fill(self.grains.position, self.grains.count)
-        total = self.count_partners()
-        if total < 0:
-            nowhere, crushed = self.trouble.to_numpy()
-            if nowhere:
-                raise SimulationError(f"grain {nowhere - 1}: its position is not a number")
-            raise SimulationError(f"grain {crushed - 1} of one platen touches the other platen: no layer is left")
+        total = self.count_partners(dt / guards.displacement if guards.displacement else 0.0)
+        lost, crushed, jumping = self.trouble.to_numpy() - 1
+        if lost >= 0 and guards.finite:
+            raise SimulationError(f"grain {lost}: its position is not a number", grains=[lost])
+        if crushed >= 0:
+            text = f"grain {crushed} of one platen touches the other platen: no layer is left"
+            raise SimulationError(text, grains=[crushed])
+        if jumping >= 0:
+            raise self.jump_error(jumping, dt, guards.displacement)
         return total
+
+    def jump_error(self, k, dt, limit):
+        """SimulationError which says that grain k moves by more than `limit` radii in a step of dt [s]."""
+        g = self.grains
+        v = g.column("velocity")[k] - self.domain.mean_flow(g.column("position"))[k]
+        way = float(np.linalg.norm(v) * dt / g.column("radius")[k])
+        return SimulationError(
+            f"grain {k} moves by {way:.3g} of its bounding radius in one step, allowed is {limit:g}; "
+            f"use dt <= {limit / way * dt:g} s, or softer impacts",
+            grains=[k],
+            values={"displacement": way, "limit": limit},
+        )
 
 
 @ti.data_oriented

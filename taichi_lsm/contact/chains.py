@@ -6,7 +6,8 @@ from ..rotation import rotate, spin_velocity, unrotate
 from ..runtime import current, ti, when_allocated
 from ..schema import Variable
 from ..state import allocate, fill_rows, rounded_capacity
-from .narrow import cone_step, cone_violation, cross2, sphere_overlap
+from .faults import OVERLAP
+from .narrow import ROUND_CAP, cone_step, cone_violation, cross2, sphere_overlap
 
 PART_ROWS = [
     Variable("first", ("part",), "i32", "1", "first patch of the part"),
@@ -147,6 +148,8 @@ class ChainContact:
         if tries == limit or depth >= cap:
             i, j = self.least_violation(a, b, k, l, d, cap)
             x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
+        if n_i + n_j == 2 and depth >= ROUND_CAP * cap:
+            self.faults.report(OVERLAP, g.id[k], g.id[l])
         if i != feature[0] or j != feature[1]:
             pairs.feature[s] = ti.Vector([i, j])
         return depth, n, x
@@ -222,5 +225,5 @@ class ChainContact:
                 if depth < cap and miss < least:
                     least, best_i, best_j = miss, i, j
         if least > self.seam_tolerance:
-            self.faults.report(1, g.id[k], g.id[l])
+            self.faults.report(OVERLAP, g.id[k], g.id[l])
         return best_i, best_j

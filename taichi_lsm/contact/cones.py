@@ -10,7 +10,8 @@ from ..rotation import rotate, unrotate
 from ..runtime import current, ti, when_allocated
 from ..schema import Variable
 from ..state import allocate, fill_rows, rounded_capacity
-from .narrow import sphere_overlap
+from .faults import OVERLAP
+from .narrow import ROUND_CAP, sphere_overlap
 
 FULL = -2.0  # cosine of a full patch: below every cosine
 
@@ -81,9 +82,10 @@ class ConeContact:
         turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
         depth, n, x = self.placed(a, b, k, l, d, turn_k, turn_l)
         faces = t.axis[a].dot(unrotate(turn_k, n)) >= t.cosine[a] and -t.axis[b].dot(unrotate(turn_l, n)) >= t.cosine[b]
-        if depth >= g.cap_radius[k] + g.cap_radius[l]:
-            if t.cosine[a] < -1.0 and t.cosine[b] < -1.0:
-                self.faults.report(1, g.id[k], g.id[l])
+        cap = g.cap_radius[k] + g.cap_radius[l]
+        if t.cosine[a] < -1.0 and t.cosine[b] < -1.0 and depth >= ROUND_CAP * cap:
+            self.faults.report(OVERLAP, g.id[k], g.id[l])
+        if depth >= cap:
             faces = False
         if not faces:
             depth = -ti.abs(depth)

@@ -1,14 +1,9 @@
-"""Faults that kernels report: they cannot raise, so the first launch after one stops the run."""
+"""Faults that kernels report: they cannot raise, so the launch ends after the step of a fault and the run stops."""
 
-from ..errors import SimulationError
 from ..runtime import ti
 
 PAIR_BASE = 2**30
-TEXTS = {
-    1: "grains {} and {}: their overlap reached the cap at which the contact is no longer unique; "
-    "use stiffer grains or less stress",
-    2: "grain {}: its centre went beyond wall number {}; use stiffer grains or a smaller step",
-}
+OVERLAP, WALL = 1, 2  # codes
 
 
 @ti.data_oriented
@@ -30,9 +25,11 @@ class Faults:
         self.code[None] = 0
         self.pair[None] = 0
 
-    def raise_any(self, step):
-        """Raise SimulationError with the step, the grains and the cause, if there was a fault."""
-        if self.code[None]:
-            first, l = divmod(int(self.pair[None]), PAIR_BASE)
-            code, k = divmod(first, PAIR_BASE)
-            raise SimulationError(f"step {step}, {TEXTS[code].format(k, l)}")
+    def taken(self):
+        """(code, first id, second id) of what was reported, which is then forgotten; None if nothing was."""
+        if not self.code[None]:
+            return None
+        first, l = divmod(int(self.pair[None]), PAIR_BASE)
+        code, k = divmod(first, PAIR_BASE)
+        self.clear()
+        return code, k, l

@@ -5,6 +5,8 @@ All vectors are relative to the first grain of the pair. `n` points from grain k
 
 from ..runtime import ti
 
+ROUND_CAP = 0.9  # of the radii of two full circles: no step that `Guards.displacement` allows passes the rest unseen
+
 
 @ti.func
 def cross2(a, b):
@@ -18,7 +20,7 @@ def sphere_overlap(w, r_i, r_j):
 
     r_i, r_j [m]: radii. Returns depth d = r_i + r_j - |w| [m], positive if they touch, the unit normal n = w/|w|
     and the distance of the contact point from p_i along n: r_i - d/2, the middle of the overlap.
-    Coincident centres have no normal; the caller's depth cap refuses them before the normal is used.
+    Coincident centres have no normal; the caller refuses depths beyond ROUND_CAP before the normal is used.
     """
     distance = w.norm()
     depth = r_i + r_j - distance

@@ -1,7 +1,8 @@
 """Where two listed grains touch: spheres in closed form, all others by the geometry of their surfaces."""
 
 from ..runtime import current, ti, when_allocated
-from .narrow import sphere_overlap
+from .faults import OVERLAP
+from .narrow import ROUND_CAP, sphere_overlap
 from .pairs import PART_BASE
 
 
@@ -116,10 +117,10 @@ class PairGeometry:
 
     @ti.func
     def check_cap(self, k, l, depth):
-        """Report two spheres whose depth [m] reached the sum of their radii."""
+        """Report two spheres whose depth [m] reached their cap."""
         g = self.grains
-        if depth >= g.radius[k] + g.radius[l]:
-            self.faults.report(1, g.id[k], g.id[l])
+        if depth >= ROUND_CAP * (g.radius[k] + g.radius[l]):
+            self.faults.report(OVERLAP, g.id[k], g.id[l])
 
     @ti.func
     def remembered(self, s):

@@ -6,7 +6,9 @@ from ..rotation import rotate, unrotate
 from ..runtime import current, ti, when_allocated
 from ..schema import Variable
 from ..state import allocate, fill_rows, rounded_capacity
+from .faults import OVERLAP
 from .features import around, core_point, stationary_normal
+from .narrow import ROUND_CAP
 
 PART_ROWS = [
     Variable("first", ("part",), "i32", "1", "first feature of the part"),
@@ -167,6 +169,8 @@ class PolyhedronContact:
         g, pairs = self.grains, self.pairs
         turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
         cap = g.cap_radius[k] + g.cap_radius[l]
+        if self.table.features[a] + self.table.features[b] == 2:  # two balls
+            cap *= ROUND_CAP
         i, j = pairs.feature[s][0], pairs.feature[s][1]
         n = pairs.normal[s]
         if i < 0:
@@ -202,7 +206,7 @@ class PolyhedronContact:
             x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
             depth = (x_i - x_j).dot(n)
             if depth >= cap:
-                self.faults.report(1, g.id[k], g.id[l])
+                self.faults.report(OVERLAP, g.id[k], g.id[l])
         pairs.normal[s] = n
         if i != pairs.feature[s][0] or j != pairs.feature[s][1]:
             pairs.feature[s] = ti.Vector([i, j])

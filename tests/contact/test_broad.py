@@ -38,7 +38,7 @@ class Finder:
         self.grains.set_column("position", position)
         self.grains.set_column("radius", radius)
         self.search.grid.set_width(2.0 * radius.max() + SKIN)
-        self.search.count()
+        self.search.count(0.0, lsm.Guards())
         self.list.write()
         return self.listed()
 

@@ -8,7 +8,7 @@ import importlib
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,11 +59,11 @@ def cases_of(module):
 class Bench:
     """Runs scenes for the cases of one process: scenes of equal make-up share one compiled simulation.
 
-    precision: f64 or f32; short: fewer steps; guards: in place of those of the scenes, None to leave them.
+    precision: f64 or f32; short: fewer steps; off: names of guards that are switched off in all scenes.
     """
 
-    def __init__(self, precision="f64", short=True, guards=None):
-        self.precision, self.short, self.guards = precision, short, guards
+    def __init__(self, precision="f64", short=True, off=()):
+        self.precision, self.short, self.off = precision, short, dict.fromkeys(off)
         self._made = {}
 
     def steps(self, full, short):
@@ -72,8 +72,7 @@ class Bench:
 
     def simulate(self, scene):
         """A simulation at the start of `scene`; the last one of the same make-up must no longer be used."""
-        if self.guards is not None:
-            scene.guards = self.guards
+        scene.guards = replace(scene.guards, **self.off)
         make_up = None if scene.platens else lsm.MakeUp.of(scene)
         if make_up in self._made:
             self._made[make_up].load(scene)
@@ -84,7 +83,7 @@ class Bench:
         return sim
 
 
-def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, density=1000.0, **more):
+def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, **more):
     """Scene of grains at `position` (n, dim) [m], in open space unless told otherwise; discs or spheres of 1 m."""
     position = np.asarray(position, float)
     n, dim = position.shape
@@ -96,7 +95,7 @@ def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None
         shape=np.broadcast_to(shape, n).copy(),
         position=position,
         scale=np.broadcast_to(scale, n).astype(float),
-        density=density,
+        density=more.pop("density", 1000.0),
         effects=effects,
         **more,
     )

@@ -1,0 +1,167 @@
+"""Hard cases of the time step: steps that are too long, impacts too fast for them, and the guards that find out."""
+
+import math
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows.hard import hard, refused, scene_of, steps_until_stopped
+
+STIFFNESS = 1e5  # [N m-1]
+MASS = 250.0 * np.pi  # of a disc of 1 m [kg]
+CRITICAL = np.sqrt(2.0 * MASS / STIFFNESS)  # 2/omega of two free discs in contact, omega^2 = 2 k/m [s]
+HELD = 0.01  # depth of two discs held together by cohesion [m]
+RANGE = 0.5  # of the cohesion [m]: so wide that it hardly changes the stiffness of the contact
+SWING = 1e-3  # of the held discs at the start [m]
+SWINGS = 400  # steps over which a swing must grow to be called unstable
+
+
+def elastic():
+    return [lsm.LinearElastic(STIFFNESS)]
+
+
+def held_pair(dt, guards=None):
+    """Two discs that cohesion holds at the depth HELD, swinging about it by SWING."""
+    laws = [*elastic(), lsm.Cohesion(pull_off_force=STIFFNESS * HELD, distance=RANGE)]
+    more = {"guards": guards} if guards else {}
+    return scene_of([[0.0, 0.0], [1.0 - HELD + SWING, 0.0]], laws, dt=dt, **more)
+
+
+def greatest_swing(sim, steps):
+    """Greatest distance from rest of the held discs over that of the start [1]."""
+    widest = 0.0
+    for _ in range(steps):
+        sim.run(1)
+        x = sim.state.position.to_numpy()[:, 0]
+        widest = max(widest, abs(x[1] - x[0] - 1.0 + HELD))
+        if widest > 1e3 * SWING:
+            break
+    return widest / SWING
+
+
+def blow_up_step(bench):
+    """Measured critical step [s] of the held pair: the shortest at which its swing grows, by bisection."""
+    low, high = 0.5 * CRITICAL, 2.0 * CRITICAL
+    free = lsm.Guards(step=None, displacement=None, energy=None)
+    while high / low > 1.002:
+        middle = math.sqrt(low * high)
+        grows = greatest_swing(bench.simulate(held_pair(middle, free)), SWINGS) > 10.0
+        low, high = (low, middle) if grows else (middle, high)
+    return low
+
+
+@hard("step of 0.9 of the critical one", "greatest swing of a contact over its first", 1.01)
+def step_below_critical(bench):
+    """Verlet swings without growth up to the step 2/omega, where codes that judge a step by rules of thumb waste half
+    of it or pass it. The critical step is measured here: the blow-up step of two discs in contact."""
+    return greatest_swing(bench.simulate(held_pair(0.9 * blow_up_step(bench))), bench.steps(20_000, SWINGS))
+
+
+@hard("step of 1.1 of the critical one", "greatest swing of a contact over its first before the run is refused", 1.0)
+def step_above_critical(bench):
+    """Above the critical step a contact gains energy in every step and grains fly apart, often only after hours of a
+    run. It must be refused before the first step, with the step to use."""
+    dt = 1.1 * blow_up_step(bench)
+    try:
+        return greatest_swing(bench.simulate(held_pair(dt)), SWINGS)
+    except lsm.InputError as error:
+        return 1.0 if "Scene.dt" in str(error) and "must be <=" in str(error) else math.inf
+
+
+def crowd(dt):
+    """16 discs in a periodic triangular lattice, each pressed by its six neighbours, at random velocities."""
+    row, column = np.divmod(np.arange(16), 4)
+    near = 0.99
+    position = near * np.stack([column + 0.5 * (row % 2), np.sqrt(0.75) * row], axis=1)
+    velocity = np.random.default_rng(1).normal(0.0, 0.01, (16, 2))
+    lengths = (4 * near, 4 * near * np.sqrt(0.75))
+    return scene_of(position, elastic(), lengths=lengths, periodic=(True, True), velocity=velocity, dt=dt)
+
+
+@hard("step that suits two grains, but not a crowd", "steps until the run is stopped with the step to use", 1.0)
+def step_of_a_pair_in_a_crowd(bench):
+    """A grain among six neighbours swings faster than one of a pair: a step that is stable while grains are loose can
+    become unstable when they are packed. The contacts that are there are counted while the simulation runs."""
+    try:
+        sim = bench.simulate(crowd(0.95 * CRITICAL))
+    except lsm.SimulationError as error:
+        return 0.0 if "use dt <=" in str(error) and "stable" in str(error) else math.inf
+    return steps_until_stopped(sim, 2000, "stable", "use dt <=")
+
+
+@hard("step of zero, less, or no number", "accepted steps of four that make no sense", 0.0)
+def step_without_sense(bench):
+    """A step of zero runs for ever and a negative one backwards, with dampers that feed energy in."""
+    senseless = (0.0, -1e-3, math.nan, math.inf)
+    return float(sum(refused(lambda dt=dt: bench.simulate(on_floor(0.0, dt)), "Scene.dt") > 0.0 for dt in senseless))
+
+
+def on_floor(speed, dt, stiffness=STIFFNESS, height=50.0):
+    """Two discs 20 cm apart that approach each other at `speed` each [m s-1], `height` above a floor [m]."""
+    position, velocity = [[-0.6, height], [0.6, height]], [[speed, 0.0], [-speed, 0.0]]
+    floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
+    return scene_of(position, [lsm.LinearElastic(stiffness)], velocity=velocity, walls=[floor], dt=dt)
+
+
+@hard("impact that crosses half a grain in one step", "steps until the run is stopped", 1.0)
+def crossing_in_one_step(bench):
+    """A grain that moves by its own radius in a step may pass through another without ever being in contact: nothing in
+    the energies tells. Its way in a step is limited, and the error names the step to use."""
+    dt = 0.05 * CRITICAL
+    try:
+        sim = bench.simulate(on_floor(0.5 / dt, dt))
+    except lsm.SimulationError as error:
+        return 0.0 if "in one step" in str(error) and "use dt <=" in str(error) else math.inf
+    return steps_until_stopped(sim, 100, "in one step", "use dt <=")
+
+
+@hard("impact deeper than a contact can be", "overlap over the sum of the radii when the run is stopped", 0.999)
+def deeper_than_the_cap(bench):
+    """Soft grains hit hard overlap until their centres pass each other; then the contact pushes them through instead of
+    back. The run must stop before, not drop the contact."""
+    sim = bench.simulate(on_floor(10.0, 0.02 * CRITICAL))
+    try:
+        sim.run(1000)
+    except lsm.SimulationError as error:
+        return 1.0 - error.values["distance"] if "overlap reached" in str(error) else math.inf
+    return math.inf
+
+
+@hard("velocity that is not a number", "steps until the run is stopped", 1.0)
+def not_a_number(bench):
+    """One NaN spreads from contact to contact through a whole packing, and every comparison with it is false: lists and
+    averages hide it for thousands of steps. The grain is named in the step in which its position is lost."""
+    sim = bench.simulate(on_floor(1.0, 0.02 * CRITICAL))
+    sim.run(20)
+    velocity = sim.state.velocity.to_numpy()
+    velocity[1] = math.nan
+    sim.state.velocity.from_numpy(velocity)
+    return steps_until_stopped(sim, 1000, "grain 1", "not a number")
+
+
+@hard("grain shot at a wall that is too soft", "way of the centre beyond the wall at the stop, in radii", 0.2)
+def through_a_wall(bench):
+    """Beyond a wall there is nothing to push a grain back once its centre has passed: it leaves the experiment."""
+    scene = on_floor(0.0, 0.02 * CRITICAL, height=1.0)
+    scene.velocity[:, 1] = -15.0
+    sim = bench.simulate(scene)
+    try:
+        sim.run(1000)
+    except lsm.SimulationError as error:
+        stopped = "beyond wall 'floor'" in str(error)
+        return float(-sim.state.position.to_numpy()[:, 1].min() / 0.5) if stopped else math.inf
+    return math.inf
+
+
+@hard("scheme that feeds energy in", "energy over that of the start when the run is stopped", 1.5)
+def lost_balance(bench):
+    """The scheme as the paper prints it gains energy in every contact. A slow gain looks like physics, a hot granular
+    gas, until the balance of the energy is drawn up."""
+    position = [[0.5, 0.5], [1.55, 0.5], [1.0, 1.45]]
+    velocity = [[1.0, 0.3], [-1.0, 0.2], [0.1, -1.0]]
+    cell = {"lengths": (3.0, 3.0), "periodic": (True, True)}
+    scheme = {"integrator": lsm.ExplicitEuler, "dt": 4e-3 * CRITICAL}
+    sim = bench.simulate(scene_of(position, elastic(), velocity=velocity, **scheme, **cell))
+    start = lsm.energies(sim).balance
+    steps_until_stopped(sim, 400_000, "energy balance is lost")
+    return lsm.energies(sim).balance / start
