@@ -28,10 +28,13 @@ def held_pair(dt, guards=None):
 
 
 def greatest_swing(sim, steps):
-    """Greatest distance from rest of the held discs over that of the start [1]."""
+    """Greatest distance from rest of the held discs over that of the start [1]; infinite if the run is stopped."""
     widest = 0.0
     for _ in range(steps):
-        sim.run(1)
+        try:
+            sim.run(1)
+        except lsm.SimulationError:
+            return math.inf
         x = sim.state.position.to_numpy()[:, 0]
         widest = max(widest, abs(x[1] - x[0] - 1.0 + HELD))
         if widest > 1e3 * SWING:
