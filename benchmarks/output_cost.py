@@ -1,8 +1,9 @@
-"""What share of a run goes into diagnostics and files? `python -m benchmarks.output_cost`.
+"""What share of a run goes into diagnostics, files and guards? `python -m benchmarks.output_cost`.
 
 Runs the shear experiment (`lsm shear-gouge` with its defaults) and times, from outside of the program, every sample of
-the layer (all sums over grains and contacts) and every row and snapshot written. The first sample is left out of both
-the part and the whole: it compiles. The picture made at the end does not grow with the run and is given in seconds.
+the layer (all sums over grains and contacts), every row and snapshot written, and every look and sum of the guards. The
+first of each is left out of both the part and the whole: it compiles. The picture made at the end does not grow with
+the run and is given in seconds.
 """
 
 import argparse
@@ -16,7 +17,7 @@ from benchmarks import bounds, page
 from benchmarks.ours import ROOT
 
 SHAPES = ("sphere", "angular")
-DIAGNOSTICS, FILES = 0.03, 0.01  # bounds of the shares
+DIAGNOSTICS, FILES, GUARDS = 0.03, 0.01, 0.02  # bounds of the shares
 
 
 class Stopwatch:
@@ -46,9 +47,13 @@ class Stopwatch:
 def serve(shape):
     """Run the experiment and print the seconds as JSON: of the whole, of samples, of files, of the picture."""
     import taichi_lsm as lsm
+    from taichi_lsm.sentinel import Sentinel
     from workflows import plots, shear_gouge
 
-    samples, files, picture = Stopwatch(), Stopwatch(), Stopwatch()
+    samples, files, picture, looks, sums, faults = (Stopwatch() for _ in range(6))
+    looks.watch(Sentinel, "_check_grains")
+    sums.watch(Sentinel, "_check_energy")
+    faults.watch(Sentinel, "check_faults")
     samples.watch(lsm.ShearedLayer, "sample")
     for name in ("row", "snapshot", "__enter__", "__exit__"):
         files.watch(lsm.LayerRecorder, name)
@@ -62,10 +67,11 @@ def serve(shape):
     print(
         json.dumps(
             {
-                "run": whole - samples.first - picture.seconds,
+                "run": whole - samples.first - picture.seconds - looks.first - sums.first,
                 "samples": samples.seconds - samples.first,
                 "count": samples.calls - 1,
                 "files": files.seconds,
+                "guards": looks.seconds - looks.first + sums.seconds - sums.first + faults.seconds,
                 "picture": picture.seconds,
             }
         )
@@ -88,14 +94,16 @@ def measure(shapes):
     for shape, part in seconds.items():
         figures[f"diagnostics_{shape}"] = bounds.figure(part["samples"] / part["run"], "1", DIAGNOSTICS)
         figures[f"files_{shape}"] = bounds.figure(part["files"] / part["run"], "1", FILES)
+        figures[f"guards_{shape}"] = bounds.figure(part["guards"] / part["run"], "1", GUARDS)
     return figures, seconds
 
 
 def table(seconds):
     """Markdown table of the seconds of each run."""
-    lines = page.head("shape", "run [s]", "samples [s]", "number of samples", "files [s]", "picture [s]")
+    lines = page.head("shape", "run [s]", "samples [s]", "number of samples", "files [s]", "guards [s]", "picture [s]")
     for shape, s in seconds.items():
-        parts = (f"{s['run']:.2f}", f"{s['samples']:.3f}", s["count"], f"{s['files']:.3f}", f"{s['picture']:.2f}")
+        parts = (f"{s['run']:.2f}", f"{s['samples']:.3f}", s["count"], f"{s['files']:.3f}")
+        parts += (f"{s['guards']:.3f}", f"{s['picture']:.2f}")
         lines.append(page.row(shape, *parts))
     return "\n".join(lines)
 

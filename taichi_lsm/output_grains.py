@@ -168,14 +168,18 @@ class GrainsWriter:
             last = self.sizes["shape"] - 1
             raise ValueError(f"shape_index: {index.min()}..{index.max()}, allowed are 0..{last}")
 
+    @property
+    def last_time(self):
+        """Time of the last snapshot [s], -inf before the first."""
+        return self._times[-1] if self._times else -np.inf
+
     def append(self, time, arrays):
         """Add one snapshot at `time` [s] and write the file. arrays: dict of name -> array without time."""
         if self.run_status != "running":
             raise ValueError(f"{self.path.name} is closed ({self.run_status}); no snapshot can be appended")
         require_names(arrays, self.variables, f"snapshot of {self.path.name}")
-        last = self._times[-1] if self._times else -np.inf
-        if not (np.isfinite(time) and time > last):
-            raise ValueError(f"time: {time} s, must be finite and above the last snapshot's {last} s")
+        if not (np.isfinite(time) and time > self.last_time):
+            raise ValueError(f"time: {time} s, must be finite and above the last snapshot's {self.last_time} s")
         checked = {
             name: checked_array(v, arrays[name], self._shape(v.dims[1:]), self.precision)
             for name, v in self.variables.items()

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .errors import SimulationError
 from .layer import STAGES, layer_rows
 from .output import RunWriter, file_attributes
 from .output_grains import GrainsWriter, snapshot_rows, static_rows
@@ -11,6 +12,9 @@ from .output_grains import GrainsWriter, snapshot_rows, static_rows
 
 class LayerRecorder:
     """Writes what a `ShearedLayer` measures. Use as a context manager: an exception leaves a file that says so.
+
+    A long run leaves its last good state in checkpoint.nc; one that a guard stops also its state at the stop, in
+    stopped.nc and as the last snapshot of grains.nc (`Simulation.keep`).
 
     out: folder. title, summary: of the files. config_toml: merged parameters. seed: of the packing.
     """
@@ -22,6 +26,7 @@ class LayerRecorder:
         attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
         flags = {"flag_values": np.arange(len(STAGES), dtype=np.int32), "flag_meanings": " ".join(STAGES)}
         out = Path(out)
+        sim.keep(out)
         self.run = RunWriter(
             out / "run.nc",
             layer_rows(sim.bonds is not None),
@@ -50,9 +55,9 @@ class LayerRecorder:
     def snapshot(self):
         """Append all grains to grains.nc."""
         with self.sim.clock("output"):
-            self._snapshot()
+            self._snapshot(self.sim.time)
 
-    def _snapshot(self):
+    def _snapshot(self, time):
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
         if self.sim.rotates:
@@ -62,12 +67,20 @@ class LayerRecorder:
             arrays["orientation"] = _quaternions(state.orientation.to_numpy())
         if self.sim.bonds:
             arrays["bond_intact"] = self.sim.bonds.intact.to_numpy()
-        self.grains.append(self.sim.time, arrays)
+        self.grains.append(time, arrays)
+
+    def _snapshot_of_stop(self):
+        """The state in which a run was stopped, if it can be drawn; in a step that had begun, if there is one of the
+        time before it."""
+        if np.isfinite(self.sim.state.position.to_numpy()).all():
+            self._snapshot(self.sim.time + self.sim.dt * (self.sim.time <= self.grains.last_time))
 
     def __enter__(self):
         return self
 
     def __exit__(self, kind, error, trace):
+        if kind is not None and issubclass(kind, SimulationError):
+            self._snapshot_of_stop()
         status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
         self.run.close(status)
         self.grains.close(status)

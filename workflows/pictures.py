@@ -10,6 +10,7 @@ import taichi_lsm as lsm
 SEGMENTS = 32  # chords in a quarter of a circle, in sections
 ARC_STEP = 0.3  # rad, longest chord of an outline
 MAP = "cividis"  # stays in order for colour-blind eyes and in grey
+FAULT = "#D55E00"
 BAR = "velocity along the shear / velocity of the top platen [1]"
 
 
@@ -21,6 +22,7 @@ class Snapshot(NamedTuple):
     velocity: np.ndarray  # (grain,) along the shear over that of the top platen [1]
     glued: np.ndarray  # (grain,) bool
     period: float  # along x [mm]
+    number: np.ndarray  # (grain,) persistent
 
 
 def read_snapshot(path, index=-1):
@@ -32,7 +34,7 @@ def read_snapshot(path, index=-1):
     now = grains.isel(time=index)
     period = 1e3 * np.atleast_1d(grains.attrs["periodic_lengths"])
     position, velocity, glued = 1e3 * now.position.values, now.velocity.values[:, 0], now.kind.values == 1
-    height = position[:, 1]
+    height, number = position[:, 1], np.arange(len(position))
     platen_velocity = velocity[glued & (height > height.mean())].mean()
     velocity = velocity / (platen_velocity or 1.0)
     if len(period) == 1:
@@ -42,9 +44,9 @@ def read_snapshot(path, index=-1):
         outlines = _sections(grains, now, off)
         cut = np.array([o is not None for o in outlines])
         outlines = [o for o in outlines if o is not None]
-        position, velocity, glued = position[cut, :2], velocity[cut], glued[cut]
+        position, velocity, glued, number = position[cut, :2], velocity[cut], glued[cut], number[cut]
     position[:, 0] %= period[0]
-    return Snapshot(outlines, position, velocity, glued, period[0])
+    return Snapshot(outlines, position, velocity, glued, period[0], number)
 
 
 def _sections(grains, now, off):
@@ -108,23 +110,26 @@ def _arc(middle, half):
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def draw_packing(axes, snapshot):
-    """Draw the outlines coloured by velocity, glued grains grey; returns what a colour bar needs."""
+def draw_packing(axes, snapshot, marked=()):
+    """Draw the outlines coloured by velocity, glued grains grey, those with the numbers `marked` edged in red; returns
+    what a colour bar needs."""
     from matplotlib.collections import PolyCollection
 
     period, y = snapshot.period, snapshot.position[:, 1]
     reach = max(np.abs(o).max() for o in snapshot.outlines)
-    polygons, values = {True: [], False: []}, []
-    for outline, at, velocity, glued in zip(*snapshot[:4], strict=True):
+    polygons, values, edged = {True: [], False: []}, [], []
+    for outline, at, velocity, glued, number in zip(*snapshot[:4], snapshot.number, strict=True):
         # A grain across a border is drawn on both sides; the axes cut off what lies outside.
         shifts = [s for s in (-period, 0.0, period) if -reach < at[0] + s < period + reach]
         polygons[bool(glued)] += [outline + at + (shift, 0.0) for shift in shifts]
         values += [] if glued else [velocity] * len(shifts)
+        edged += [outline + at + (shift, 0.0) for shift in shifts] if number in marked else []
     axes.add_collection(PolyCollection(polygons[True], facecolor="0.72", edgecolor="0.35", lw=0.5))
     drawn = PolyCollection(polygons[False], cmap=MAP, edgecolor="black", lw=0.35)
     drawn.set_array(np.array(values))
     drawn.set_clim(0.0, 1.0)
     axes.add_collection(drawn)
+    axes.add_collection(PolyCollection(edged, facecolor="none", edgecolor=FAULT, lw=1.8))
     axes.set(xlim=(0, period), ylim=(y.min() - reach, y.max() + reach), aspect="equal")
     axes.set(xlabel="x [mm]", ylabel="y [mm]")
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.4}

@@ -3,6 +3,7 @@
 matplotlib is imported when something is drawn. The colours, of Okabe and Ito, stay apart for colour-blind eyes.
 """
 
+import textwrap
 import tomllib
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,6 +59,19 @@ def plot_run(out):
         _draw_energy(energy, sheared)
         figure.suptitle(_conditions(params, sheared))
     return out / "run.png"
+
+
+def plot_stopped(out, error):
+    """Draw stopped.png: the layer when the SimulationError stopped it, with the grains at fault; returns its path."""
+    out = Path(out)
+    snapshot = read_snapshot(out / "grains.nc")
+    with _figure(out / "stopped.png", (9, 7)) as figure:
+        axes = figure.subplots()
+        drawn = draw_packing(axes, snapshot, marked=error.grains)
+        figure.colorbar(drawn, ax=axes, extend="both").set_label(BAR, fontsize=8.8)
+        axes.set_title("last snapshot, the grains at fault edged in red" if error.grains else "last snapshot")
+        figure.suptitle("\n".join(textwrap.wrap(str(error), 95)))
+    return out / "stopped.png"
 
 
 def plot_comparison(out):

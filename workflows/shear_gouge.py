@@ -310,8 +310,6 @@ def simulate(scene, params, out, progress=None):
     began = time.perf_counter()
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
     layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
-    title = f"Shear of a layer of {params.shape} grains in {params.dim}D"
-    summary = "Generated loose, consolidated under servo-controlled normal stress, sheared at constant velocity."
     progress_from = []
 
     def report(row):
@@ -319,15 +317,11 @@ def simulate(scene, params, out, progress=None):
             progress_from.append((time.perf_counter(), sim.step, row["shear_strain"]))
             progress(_progress(row, params, layer, progress_from[0], progress_from[-1]))
 
-    with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed) as recorder:
-        recorder.row(0)
-        recorder.snapshot()
-        consolidate(sim, layer, recorder, params)
-        recorder.snapshot()
-        recorder.run.flush()
-        began_shear, step = time.perf_counter(), sim.step
-        shear(sim, layer, recorder, params, report)
-        rate = (sim.step - step) * len(sim) / (time.perf_counter() - began_shear)
+    try:
+        rate = _record(sim, layer, out, params, report)
+    except lsm.SimulationError as error:
+        plots.plot_stopped(out, error)
+        raise
     if params.profile:
         print(lsm.profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
@@ -337,6 +331,22 @@ def simulate(scene, params, out, progress=None):
     plots.plot_run(out)
     write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
     return dataset
+
+
+def _record(sim, layer, out, params, report):
+    """All stages of the run, with their files; returns grain steps per second of the shear."""
+    title = f"Shear of a layer of {params.shape} grains in {params.dim}D"
+    summary = "Generated loose, consolidated under servo-controlled normal stress, sheared at constant velocity."
+    with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed) as recorder:
+        recorder.row(0)
+        recorder.snapshot()
+        consolidate(sim, layer, recorder, params)
+        recorder.snapshot()
+        recorder.run.flush()
+        began_shear, step = time.perf_counter(), sim.step
+        shear(sim, layer, recorder, params, report)
+        rate = (sim.step - step) * len(sim) / (time.perf_counter() - began_shear)
+    return rate
 
 
 def _progress(row, params, layer, first, last):

@@ -157,12 +157,18 @@ def test_a_layer_on_a_soft_spring_sticks_and_slips(tmp_path):
 def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeypatch):
     _, params, complete = sheared("sphere")
 
-    def diverge(*args):
-        raise lsm.SimulationError("diverged at step 7")
+    def diverge(sim, *others):
+        velocity = sim.state.velocity.to_numpy()
+        velocity[3] = 1e4 * params.diameter / params.inertial_time
+        sim.state.velocity.from_numpy(velocity)
+        sim.run(1000)
 
     monkeypatch.setattr(shear_gouge, "shear", diverge)
-    with pytest.raises(lsm.SimulationError, match="step 7"):
+    with pytest.raises(lsm.SimulationError, match="grain 3 moves by .* use dt <=") as stopped:
         shear_gouge.run(params, tmp_path)
+    assert stopped.value.grains == (3,) and [path.name for path in stopped.value.saved] == ["stopped.nc"]
+    assert {"stopped.nc", "stopped.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert lsm.open_run(tmp_path / "grains.nc").sizes["time"] == 3  # of three stages, the last the one of the stop
     for name in ("run.nc", "grains.nc"):
         assert lsm.open_run(tmp_path / name).run_status == "failed"
     left = lsm.open_run(tmp_path / "run.nc")

@@ -9,12 +9,13 @@ import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 import taichi_lsm as lsm
 
-MODULES = ("outlines", "solids", "packings", "steps", "laws", "driven")
+HERE = Path(__file__).parent
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,11 @@ def hard(title, measure, bound, unit="1", f32_bound=None, excepted=""):
         return Case(run.__name__, title, why, measure, unit, bound, run, f32_bound, excepted)
 
     return case_of
+
+
+def modules():
+    """Names of the modules of this package: a new file is found."""
+    return sorted(path.stem for path in HERE.glob("[!_]*.py"))
 
 
 def cases_of(module):

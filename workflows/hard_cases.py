@@ -1,0 +1,156 @@
+"""Cases that break codes like this one, each with a measure and the bound that it must respect, in f64 and in f32.
+
+The cases are defined in `workflows/hard`, a file for each kind. Every file runs in a process of its own for each
+precision, two at a time. A case that fails makes the command fail; what single precision cannot do is excepted, with
+the reason.
+"""
+
+import math
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+import taichi_lsm as lsm
+from workflows.hard import Bench, cases_of, modules
+from workflows.hard_cases_figure import plot_cases
+from workflows.run_table import write_runs
+from workflows.settings import Params as BaseParams
+from workflows.settings import to_toml
+from workflows.summary import Figure, write_summary
+
+STATUS = ("passed", "failed", "excepted")
+TEXTS = {
+    "case": "name of the case",
+    "kind": "file of workflows/hard that defines the case",
+    "title": "what the case is",
+    "precision": "floating-point type of contacts and forces",
+    "measure": "what the value is",
+    "unit": "unit of value and bound",
+    "reason": "why the case is not claimed in this precision, or how it failed; else empty",
+}
+
+
+class Params(BaseParams):
+    """Which cases to run and how long."""
+
+    precision: Literal["both", "f64", "f32"] = Field("both", description="floating-point types to run the cases in")
+    runs: Literal["full", "short"] = Field("full", description="full runs, or the same cases with fewer steps")
+    kinds: list[str] = Field([], description="files of workflows/hard to run; none: all of them")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {"runs": "short"},
+        "demo": {"runs": "short"},
+        "standard": {},
+        "reference": {},
+    }
+
+
+def run_kind(kind, precision, short):
+    """Rows, one dict per case, of all cases of a file; to be called in a process of its own."""
+    bench, rows = Bench(precision, short), []
+    for case in cases_of(kind):
+        began, reason = time.perf_counter(), case.excepted if precision == "f32" else ""
+        try:
+            value = float(case.run(bench))
+        except (lsm.SimulationError, lsm.InputError) as error:
+            value, reason = math.inf, reason or str(error)
+        bound = case.bound_in(precision)
+        status = "passed" if value <= bound else "failed"
+        if precision == "f32" and case.excepted:
+            status = "excepted"
+        row = {"case": case.name, "kind": kind, "title": case.title, "precision": precision, "measure": case.measure}
+        row |= {"unit": case.unit, "value": value, "bound": bound, "margin": margin(value, bound)}
+        row |= {"status": STATUS.index(status), "reason": reason, "seconds": time.perf_counter() - began}
+        rows.append(row)
+    return rows
+
+
+def margin(value, bound):
+    """How many times the value fits into the bound [1]; infinite for a value of 0, 0 for one without bounds."""
+    return math.inf if value == 0.0 else bound / value
+
+
+def measure(params, progress=None):
+    """Rows of all cases in all precisions, by file, two processes at a time."""
+    spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
+    precisions = ("f64", "f32") if params.precision == "both" else (params.precision,)
+    kinds, rows = params.kinds or modules(), []
+    with ProcessPoolExecutor(2, mp_context=spawn, max_tasks_per_child=1) as pool:
+        jobs = [(kind, p) for kind in reversed(kinds) for p in precisions]
+        waiting = {job: pool.submit(run_kind, *job, params.runs == "short") for job in jobs}
+        for (kind, precision), future in waiting.items():
+            own = future.result()
+            rows += own
+            if progress:
+                failed = sum(row["status"] == STATUS.index("failed") for row in own)
+                progress({"label": f"{kind} {precision}", "state": f"{len(own)} cases, {failed} failed"})
+    order = {kind: i for i, kind in enumerate(kinds)}
+    return sorted(rows, key=lambda row: order[row["kind"]])  # stable: cases stay in the order of the text
+
+
+def analyse(rows):
+    """Figures of the rows; cases are counted once, whatever the number of precisions."""
+    names = dict.fromkeys(row["case"] for row in rows)
+    states = {name: {STATUS[row["status"]] for row in rows if row["case"] == name} for name in names}
+    failed = sum("failed" in s for s in states.values())
+    judged = [row for row in rows if STATUS[row["status"]] != "excepted"]
+    return {
+        "cases": Figure(len(names), "1"),
+        "passed": Figure(sum("failed" not in s for s in states.values()), "1"),
+        "failed": Figure(failed, "1", 0, failed == 0),
+        "excepted": Figure(sum("excepted" in s for s in states.values()), "1"),
+        "least_margin": Figure(min(row["margin"] for row in judged), "1"),
+    }
+
+
+def table_text(rows):
+    """Markdown table of the rows: measure, bound and margin of each case."""
+    lines = ["| case | precision | measure | value | bound | margin | |", "|---|---|---|---|---|---|---|"]
+    for row in rows:
+        unit = "" if row["unit"] == "1" else f" {row['unit']}"
+        verdict = STATUS[row["status"]] + (f": {row['reason']}" if row["reason"] else "")
+        room = "exact" if row["value"] == 0.0 else f"{row['margin']:.3g}"
+        cells = (row["title"], row["precision"], row["measure"], f"{row['value']:.3g}{unit}", f"{row['bound']:g}{unit}")
+        lines.append("| " + " | ".join((*cells, room, verdict)) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def run(params, out, progress=None):
+    """Run the cases; writes hard_cases.nc, hard_cases.md, hard_cases.png and summary.json, returns hard_cases.nc.
+
+    Raises SimulationError, when all is written, if a case failed.
+    """
+    unknown = sorted(set(params.kinds) - set(modules()))
+    if unknown:
+        raise lsm.InputError(f"--kinds {','.join(unknown)}: must be some of {', '.join(modules())}")
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    began = time.perf_counter()
+    rows = measure(params, progress)
+    numbers = [
+        lsm.Variable("value", ("run",), "f64", "1", "measured value, in the unit of the case"),
+        lsm.Variable("bound", ("run",), "f64", "1", "greatest value allowed, in the unit of the case"),
+        lsm.Variable("margin", ("run",), "f64", "1", "bound over value, infinite for a value of 0"),
+        lsm.Variable("status", ("run",), "i32", "1", "whether the value respects the bound"),
+        lsm.Variable("seconds", ("run",), "f64", "s", "wall-clock time of the case, with compiling"),
+    ]
+    flags = {"status": {"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)}}
+    title, summary = "Hard cases", "Cases that break codes of their kind, each with a measure and its bound."
+    options = {"parameters": ("case", "precision"), "text": TEXTS, "extra_attributes": flags}
+    table = write_runs(out / "hard_cases.nc", rows, numbers, params, math.nan, title, summary, **options)
+    (out / "hard_cases.md").write_text(table_text(rows), encoding="utf-8")
+    plot_cases(out / "hard_cases.png", rows)
+    figures = analyse(rows)
+    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    if progress:
+        print(table_text(rows))
+    write_summary(out, "hard-cases", params.preset_name, figures, quiet=progress is None)
+    failed = [f"{row['title']} ({row['precision']})" for row in rows if STATUS[row["status"]] == "failed"]
+    if failed:
+        raise lsm.SimulationError(f"{len(failed)} hard cases failed: {'; '.join(failed)}")
+    return table

@@ -1,0 +1,42 @@
+"""The figure of the hard cases: how much of its bound each of them uses, in both precisions."""
+
+import numpy as np
+
+COLOURS = {"f64": "#0072b2", "f32": "#e69f00"}
+LEAST = 1e-12  # part of a bound that is drawn; what is below lies at the border
+
+
+def plot_cases(path, rows):
+    """Draw the rows of `hard_cases.measure` to the file `path`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    names = list(dict.fromkeys(row["case"] for row in rows))
+    titles = {row["case"]: row["title"] for row in rows}
+    kinds = {row["case"]: row["kind"] for row in rows}
+    figure = Figure(figsize=(10, 1.4 + 0.22 * len(names)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.axvspan(1.0, 1e3, color="#d55e00", alpha=0.18, lw=0)
+    axes.axvline(1.0, color="#d55e00", lw=1)
+    for precision, offset in (("f64", -0.14), ("f32", 0.14)):
+        own = [row for row in rows if row["precision"] == precision]
+        used = np.array([0.0 if row["value"] == 0.0 else 1.0 / max(row["margin"], 1e-300) for row in own])
+        at = np.array([names.index(row["case"]) for row in own]) + offset
+        judged = np.array([row["status"] < 2 for row in own], bool)
+        drawn = np.clip(used, LEAST, 5e2)
+        colour = COLOURS[precision]
+        for chosen, fill, label in ((judged, colour, precision), (~judged, "none", f"{precision}, excepted")):
+            if chosen.any():
+                style = {"facecolor": fill, "edgecolor": colour, "label": label, "s": 26, "zorder": 3}
+                axes.scatter(drawn[chosen], at[chosen], **style)
+    bounds = [i for i in range(1, len(names)) if kinds[names[i]] != kinds[names[i - 1]]]
+    for border in bounds:
+        axes.axhline(border - 0.5, color="0.6", lw=0.6)
+    axes.set(xscale="log", xlim=(0.6 * LEAST, 1e3), ylim=(len(names) - 0.5, -0.5))
+    axes.set_yticks(range(len(names)), [titles[name] for name in names], fontsize=8)
+    axes.set_xlabel("measured value over its bound [1]; at the left border: exact, or nearly")
+    axes.set_title("Hard cases: left of the line the case holds", loc="left")
+    axes.grid(axis="x", color="0.9")
+    axes.legend(loc="lower left", frameon=True, fontsize=8)
+    figure.savefig(path, dpi=130)
