@@ -136,7 +136,8 @@ class Sentinel:
 
     def _check_energy(self):
         sim, limit = self.sim, self.sim.scene.guards.energy
-        if not limit:
+        pushes = any(not hasattr(type(e), "grain_energy") for e in sim.forces.body_laws)
+        if not limit or pushes:  # by forces without an energy, whose work nobody books
             return
         now = energies(sim)
         self.first = first = self.first or now
