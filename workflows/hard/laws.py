@@ -14,19 +14,20 @@ FLOOR = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
 G = 10.0  # [m s-2]
 FAR = 100.0  # [m] above the floor, for pairs that meet nothing else
 REST = 0.5 - MASS * G / STIFFNESS  # [m], height of a disc on the floor
-ROLLING = {"coefficient": 0.1, "stiffness": 0.01 * STIFFNESS}  # soft beside the spring of friction: the disc rolls
+ROLLING = 0.1  # coefficient
+ROLLING_STIFFNESS = 0.01 * STIFFNESS  # [N m rad-1], soft beside the spring of friction: the disc rolls
 WELL = {"pull_off_force": 1e3, "distance": 0.02}
 
 
-def scene(position, weight=0.0, restitution=1.0, friction=0.0, dynamic=None, rolling=None, **more):
-    """Two discs above a floor, with `weight` times the gravity G."""
+def scene(position, weight=0.0, restitution=1.0, friction=0.0, dynamic=None, rolling=0.0, **more):
+    """Two discs above a floor, with `weight` times the gravity G; with a dynamic friction they also resist rolling."""
     laws = [
         lsm.LinearElastic(STIFFNESS),
         lsm.ViscousDamping(restitution=restitution),
         lsm.CoulombFriction(friction, 0.5 * STIFFNESS, dynamic),
         lsm.Gravity((0.0, -weight * G)),
     ]
-    laws += [lsm.RollingResistance(**rolling)] if rolling else []
+    laws += [] if dynamic is None else [lsm.RollingResistance(rolling, ROLLING_STIFFNESS)]
     return scene_of(position, laws, walls=[FLOOR], **more)
 
 
@@ -223,6 +224,7 @@ def rolling():
         weight=1.0,
         restitution=0.5,
         friction=0.8,
+        dynamic=0.8,
         rolling=ROLLING,
         velocity=speed * np.array([(-1.0, 0.0), (1.0, 0.0)]),
         spin=speed / REST * np.array([[1.0], [-1.0]]),
@@ -233,7 +235,7 @@ def rocking_spin():
     """Greatest spin [rad s-1] that the elastic couple and the spring of friction can leave to a disc at their limits:
     the amplitudes of rocking without slip and of the slip that the friction of the braked disc starts."""
     radius, k_t = 0.5, 0.5 * STIFFNESS
-    couple = ROLLING["coefficient"] * radius * MASS * G
-    rocking = couple / math.sqrt(ROLLING["stiffness"] * 1.5 * MASS * radius**2)
+    couple = ROLLING * radius * MASS * G
+    rocking = couple / math.sqrt(ROLLING_STIFFNESS * 1.5 * MASS * radius**2)
     friction = couple / (1.5 * radius)
     return rocking + 2.0 / 3.0 * friction / k_t * math.sqrt(3.0 * k_t / MASS) / radius
