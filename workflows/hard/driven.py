@@ -73,8 +73,8 @@ def pressing(bench):
 
 @hard("Servo of the wrong stiffness on one contact", "deviation of the stress from its target at rest", 1e-3)
 def servo_on_one_contact(bench):
-    """A press that counts on thirty contacts bears on one grain, with a hundred times the drag it needs or a tenth.
-    Servos that take the velocity of the next stress from the last one overshoot and oscillate with growing amplitude."""
+    """A press that counts on thirty contacts bears on one grain, with ten times its usual drag or a tenth. Servos
+    that take the velocity of the next step from the stress of the last one overshoot and oscillate ever more."""
     _, deviation = pressing(bench)
     return max(deviation["stiff"], deviation["soft"])
 
@@ -127,7 +127,7 @@ def jammed(bench):
     return abs(-force - weight - HEAVY * weight) / weight, abs(now.balance - begin) / now.work
 
 
-@hard("Column under ten thousand times its weight", "error of the force on the walls over the weight", 1e-3, f32_bound=0.2)
+@hard("Column under 10000 times its weight", "error of the force on the walls over the weight", 1e-3, f32_bound=0.2)
 def jammed_column_rests(bench):
     """The weight is a ten-thousandth of the forces in the contacts: any force that does not cancel, and any motion that
     does not die, hides it. At rest the walls carry the load and the weight."""
@@ -142,7 +142,7 @@ def jammed_column_energy(bench):
 
 
 def chain(speed=1.05):
-    """A straight chain of bonded discs in its lowest longitudinal mode; speed 1: the middle just reaches its strength."""
+    """A straight chain of bonded discs in its lowest longitudinal mode; speed 1 just strains it to its strength."""
     bond = lsm.ElasticBrittleBond(youngs_modulus=1e7, poissons_ratio=0.25, cohesion=1e5, friction_angle=0.6)
     x = np.arange(LINKS + 1) - 0.5 * LINKS
     strain = 1e5 / math.tan(0.6) / 1e7
@@ -164,15 +164,15 @@ def chain_that_snaps(bench):
     return worst if sim.measure.sums()["bond_count"] < LINKS else math.inf
 
 
-@hard("Momentum of the parts of a chain", "change of the momentum of a free part, relative", 1e-10, f32_bound=1e-6)
+@hard("Momentum of the parts of a chain", "change of the momentum of a free part, relative", 1e-12, f32_bound=1e-7)
 def momentum_of_the_parts(bench):
     """Each part of a chain that broke flies on freely. A bond that breaks for one of its grains before the other, or a
     force that stays in a list, pushes a part from nowhere."""
     sim = bench.simulate(chain())
     scale = MASS * np.abs(sim.scene.velocity[:, 0]).sum()
     labels, before, worst = None, None, 0.0
-    for _ in range(bench.steps(10_000, 200)):
-        sim.run(20)  # less than a contact lasts
+    for _ in range(bench.steps(20_000, 1000)):
+        sim.run(1)  # to miss no contact of the parts
         parts, free = lsm.fragments(sim), sim.measure.sums()["contact_count"] == 0
         v = sim.state.velocity.to_numpy()
         now = np.stack([np.bincount(parts, MASS * v[:, a], len(v)) for a in (0, 1)])
@@ -260,14 +260,14 @@ def crept(bench):
     )
 
 
-@hard("Thickness over millions of steps at rest", "change of the thickness", 1e-7, unit="m")
+@hard("Thickness over millions of steps at rest", "change of the thickness", 1e-8, unit="m", f32_bound=1e-6)
 def creep_of_the_thickness(bench):
     """A layer of angular grains under a constant load does nothing, for millions of steps. Rounding that always goes
     one way, or a spring of friction that loses a little in each step, makes it creep."""
     return crept(bench)[0]
 
 
-@hard("Friction over millions of steps at rest", "change of the shear force on the platen over the load", 1e-4)
+@hard("Friction over millions of steps at rest", "change of the shear force over the load", 1e-5, f32_bound=1e-3)
 def creep_of_the_friction(bench):
     """The springs of friction hold a shear force that nothing renews: if they leak, it relaxes."""
     return crept(bench)[1]
@@ -292,7 +292,7 @@ def strained(bench, cycles):
     return sim, np.array(heights)
 
 
-@hard("Tiny cycles of shear", "compaction per cycle in the last half over the way of a cycle", 1e-3)
+@hard("Tiny cycles of shear", "compaction per cycle over the way of a cycle, last half", 1e-4, f32_bound=1e-2)
 def tiny_cycles(bench):
     """Cycles of a hundred-thousandth of a diameter are elastic but for the slip of few contacts, and after some of them
     purely elastic. A friction that slides at each reversal ratchets on."""
@@ -309,7 +309,7 @@ def error_over_work(sim, steps):
     return abs(now.balance - begin.balance) / (now.dissipated - begin.dissipated)
 
 
-@hard("Platen that jumps to its velocity", "error of the energy balance over the energy dissipated", 5e-3)
+@hard("Platen that jumps to its velocity", "error of the energy balance over the energy dissipated", 2e-3)
 def velocity_jump(bench):
     """The bottom platen jumps to a tenth of a diameter per inertial time at once, and back: the work of an infinite
     acceleration on a platen of finite mass must be booked with the mean velocity of the step."""
@@ -320,16 +320,19 @@ def velocity_jump(bench):
     return max(error, error_over_work(sim, bench.steps(500_000, 5000)))
 
 
-@hard("Load point on a very soft spring", "error of the energy balance over the energy dissipated", 5e-3)
+@hard("Load point on a very soft spring", "error of the energy balance over the energy dissipated", 2e-3)
 def soft_spring(bench):
-    """On a spring a million times softer than the grains the layer waits, then slips by diameters in one event, at a
-    speed that its inertia alone bounds."""
+    """On a spring ten thousand times softer than the grains the layer waits, then slips by many diameters in one event,
+    at a speed that its inertia alone bounds, and the servo loses its contacts."""
     sim = at_rest(bench)
-    sim.platens.set("top", 0, spring(200.0, STIFFNESS * 1e-4))
+    soft = 1e-4 * STIFFNESS
+    sim.platens.set("top", 0, spring(20.0, soft))
+    sim.run(600)  # to two thirds of the strength
+    sim.platens.set("top", 0, spring(0.2, soft))
     return error_over_work(sim, bench.steps(500_000, 20_000))
 
 
-@hard("Load point on the stiffest spring", "error of the energy balance over the energy dissipated", 5e-3)
+@hard("Load point on the stiffest spring", "error of the energy balance over the energy dissipated", 2e-3)
 def stiffest_spring(bench):
     """The spring is as stiff as the step allows, a thousand times stiffer than the grains: its own oscillation takes
     six steps, and must neither grow nor feed on the grains."""
