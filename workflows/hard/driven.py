@@ -334,7 +334,7 @@ def soft_spring(bench):
 
 @hard("Load point on the stiffest spring", "error of the energy balance over the energy dissipated", 2e-3)
 def stiffest_spring(bench):
-    """The spring is as stiff as the step allows, a thousand times stiffer than the grains: its own oscillation takes
+    """The spring is as stiff as the step allows, thousands of times stiffer than the grains: its own oscillation takes
     six steps, and must neither grow nor feed on the grains."""
     sim = at_rest(bench)
     sim.platens.set("top", 0, spring(0.05, INERTIA / sim.dt**2))
