@@ -334,7 +334,7 @@ class ContactForces(Composition):
     @ti.func
     def gathered(self, k):
         """(force [N], torque [N m], impulse [N s], angular impulse [N m s]) on grain k: its own row, then its column
-        in rising ids, then body forces. Impulses are zero but where contacts begin or end."""
+        in rising ids, then body forces, if it is mobile. Impulses are zero but where contacts begin or end."""
         g, pairs = self.grains, self.pairs
         force = ti.cast(g.force[k], ti.f64)
         torque = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["spin"])
@@ -364,6 +364,7 @@ class ContactForces(Composition):
             bond_force, bond_torque = self.bonds.gathered(g.id[k])
             force += bond_force
             torque += bond_torque
-        for law in ti.static(self.body_laws):
-            law.on_grain(g.inverse_mass[k], force)
+        if g.platen[k] < 0:  # the force on a platen is that of its contacts
+            for law in ti.static(self.body_laws):
+                law.on_grain(g.inverse_mass[k], force)
         return force, torque, kick, twist

@@ -67,6 +67,10 @@ class ViscousDamping(Effect):
         else:
             require(np.isfinite(self.rate) and self.rate >= 0.0, self, "rate", self.rate, ">= 0 s-1")
 
+    @property
+    def variant(self):
+        return "" if self.by_restitution else "rate"
+
     def parameters(self):
         return {"c": 2.0 * damping_ratio_of(self.restitution) if self.by_restitution else self.rate}
 

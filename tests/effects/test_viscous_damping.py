@@ -96,6 +96,13 @@ def test_damping_ratio_is_the_inverse_of_restitution():
     assert damping_ratio_of(1.0) == 0.0 == 1.0 - restitution_of(0.0)
 
 
+def test_a_rate_is_not_loaded_as_a_restitution(impacts):
+    sim, position, *_ = impacts
+    laws = [lsm.LinearElastic(K), lsm.ViscousDamping(rate=1.0)]
+    with pytest.raises(lsm.InputError, match="rate"):
+        sim.load(scenes.scene(position, laws, skin=0.5))
+
+
 def test_refusals():
     for arguments in ({}, {"restitution": 0.5, "rate": 1.0}, {"restitution": 0.0}, {"restitution": 1.1}, {"rate": -1}):
         with pytest.raises(lsm.InputError, match="ViscousDamping"):
