@@ -1,0 +1,239 @@
+"""Hard cases of grains of arcs in 2D: seams, flat sides, corners, notches, needles, stacks and crowds of them."""
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows.hard import hard, scene_of
+
+STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
+G = 10.0  # [m s-2]
+ROCKING = 10.0  # damping of all motion of a stack [s-1]
+CROWD = 30  # grains
+FLAT = 2e-3  # bound in f32 where faces touch: 1e-6 m, the rounding of radii of 10 m, is 6e-4 of the overlaps
+CELL = 7.0  # side of the periodic square of a crowd [m]
+
+
+def box(length, width, corner_radius=0.05):
+    """A rounded rectangle, long axis along x; corner_radius in its equivalent diameter."""
+    x, y = 0.5 * length, 0.5 * width
+    scale = np.sqrt(4.0 * length * width / np.pi)
+    return lsm.from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * scale)
+
+
+def turned(shape, angle):
+    """Outline (k, 2) of the shape turned by `angle` [rad]."""
+    parts = np.concatenate([part.outline(4000) for part in shape.parts])
+    c, s = np.cos(angle), np.sin(angle)
+    return parts @ np.array([[c, s], [-s, c]])
+
+
+def impact(shapes, angles, velocity=1.0, height=0.0, spin=(0.0, 0.0), gap=0.01, **more):
+    """Two grains that fly at each other along x, the second `height` [m] above the first, `gap` [m] between the lines
+    that bound them; velocity [m s-1] of approach."""
+    ahead = turned(shapes[0], angles[0])[:, 0].max() - turned(shapes[1], angles[1])[:, 0].min() + gap
+    flight = 0.5 * velocity * np.array([(1.0, 0.0), (-1.0, 0.0)])
+    more = {"effects": [lsm.LinearElastic(STIFFNESS)], "shapes": list(shapes), "shape": [0, 1]} | more
+    return scene_of(
+        [(0.0, 0.0), (ahead, height)], angle=np.array(angles), velocity=flight, spin=np.array(spin)[:, None], **more
+    )
+
+
+def error_of_impact(bench, scene, most=20_000):
+    """abs(energy after the grains have met and parted over that before - 1)."""
+    sim = bench.simulate(scene)
+    start, before = lsm.energies(sim).balance, sim.state.velocity.to_numpy()
+    for _ in range(most // 50):
+        sim.run(50)
+        met = (sim.state.velocity.to_numpy() != before).any()
+        if met and sim.measure.sums()["contact_count"] == 0:
+            return abs(lsm.energies(sim).balance / start - 1.0)
+    raise lsm.SimulationError(f"no impact began and ended within {most} steps")
+
+
+@hard("seams hit at grazing angles", "relative error of the energy in one impact", 1e-4)
+def grazing_seams(bench):
+    """Spinning grains brush each other, and the contact runs over many seams between patches. Where the normal jumps at
+    a seam, every crossing costs or gives energy; here it is continuous, only its rate of change jumps."""
+    shapes = lsm.random_angular_shapes(8, 1)
+    rng, worst = np.random.default_rng(1), 0.0
+    for _ in range(bench.steps(40, 4)):
+        pair = [shapes[i] for i in rng.integers(0, 8, 2)]
+        spin, height = rng.uniform(5.0, 20.0, 2), rng.uniform(0.6, 0.8)
+        scene = impact(pair, rng.uniform(0.0, 6.0, 2), height=height, spin=spin)
+        worst = max(worst, error_of_impact(bench, scene))
+    return worst
+
+
+@hard("flat side on flat side", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+def flat_on_flat(bench):
+    """Two boxes meet face on face, exactly parallel or tilted by 1e-12 to 1e-3: the place of the contact is not
+    defined, or races along the faces while they tilt."""
+    square = box(1.0, 1.0)
+    tilts = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)
+    return max(error_of_impact(bench, impact((square, square), (0.0, tilt))) for tilt in tilts)
+
+
+@hard("flat side on flat side, exactly parallel", "spin after the impact, times diameter over speed", 1e-6)
+def parallel_faces_do_not_turn(bench):
+    """Nothing in a symmetric impact prefers a side. Codes with several contact points, or a search that stops at the
+    first patch that fits, turn the grains all the same."""
+    square = box(1.0, 1.0)
+    sim = bench.simulate(impact((square, square), (0.0, 0.0)))
+    sim.run(4000)
+    return float(np.abs(sim.state.spin.to_numpy()).max())
+
+
+@hard("corner on corner", "relative error of the energy in one impact", 1e-4)
+def corner_on_corner(bench):
+    """Two rounded corners meet head on, or nearly: the smallest radii of curvature, and the normal swings fastest."""
+    square = box(1.0, 1.0)
+    angles = ((0.25 * np.pi, 0.25 * np.pi), (0.25 * np.pi, 0.25 * np.pi + 1e-9), (0.7, 0.9))
+    return max(error_of_impact(bench, impact((square, square), a)) for a in angles)
+
+
+@hard("sharp corner pressed to 0.8 of its cap", "relative error of the energy in one impact", 1e-4)
+def sharp_corner(bench):
+    """A corner of radius 0.01 d carries a contact only to twice that depth: beyond, the patches behind it take over the
+    wrong side. Just below, all must still be smooth."""
+    square = box(1.0, 1.0, corner_radius=0.01)
+    mass = 1000.0 * np.pi / 4.0
+    deepest = 0.8 * 2.0 * 0.01
+    speed = deepest / np.sqrt(0.5 * mass / STIFFNESS)
+    return error_of_impact(bench, impact((square, square), (0.25 * np.pi, 0.25 * np.pi), velocity=speed))
+
+
+@hard("needles of 10:1 that hit at their tips", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+def needle_tips(bench):
+    """A needle hit at its tip spins up, and its other end may come back for a second impact. Its moment of inertia
+    makes the contact many times stiffer than that of a disc, which the step has to know."""
+    needle = box(10.0, 1.0)
+    half = float(turned(needle, 0.0)[:, 0].max())
+    heights = (0.98 * half, 0.9 * half, 0.5 * half)
+    return max(error_of_impact(bench, impact((needle, needle), (0.5 * np.pi, 0.0), height=h)) for h in heights)
+
+
+@hard("flakes of 1:10 that meet face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+def flakes(bench):
+    """Long faces, almost parallel: the contact point jumps from one end to the other within a few steps."""
+    flake = box(10.0, 1.0)
+    upright = 0.5 * np.pi
+    tilts = (0.0, 1e-6, 1e-3, 0.02)
+    return max(error_of_impact(bench, impact((flake, flake), (upright, upright + tilt))) for tilt in tilts)
+
+
+def cross_pair(angles, **more):
+    """A cross and a square, or two crosses, as an impact."""
+    return impact((lsm.cross(), more.pop("other", lsm.cross())), angles, **more)
+
+
+@hard("corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+def into_a_notch(bench):
+    """A corner that enters the notch of a cross touches both of its arms at once. Codes with one contact per pair of
+    grains lose one of them, codes that join overlaps into one get the direction of the force wrong."""
+    angles = ((0.25 * np.pi, 0.0), (0.25 * np.pi, 0.3), (0.25 * np.pi + 1e-6, 0.0))
+    return max(error_of_impact(bench, cross_pair(a)) for a in angles)
+
+
+def locked_crosses():
+    """Two crosses with an arm each in a notch of the other, 2 cm apart, moving against each other."""
+    cross = lsm.cross()
+    half = float(turned(cross, 0.0)[:, 0].max())
+    width = 2.0 * half / 3.0  # of a bar: a third of its length
+    offset = half + 0.5 * width + 0.02, width + 0.02
+    speed = np.array([(0.3, 0.2), (-0.3, -0.2)])
+    shapes = {"shapes": [cross], "shape": [0, 0], "angle": np.zeros(2)}
+    laws = [lsm.LinearElastic(STIFFNESS)]
+    return scene_of([(0.0, 0.0), offset], laws, velocity=speed, spin=np.array([[0.2], [-0.1]]), **shapes)
+
+
+@hard("interlocked crosses", "relative error of the energy, with the grains apart", 1e-4, f32_bound=FLAT)
+def interlocked(bench):
+    """Non-convex grains that hold each other touch at several places in turn, up to four contacts in one pair."""
+    sim = bench.simulate(locked_crosses())
+    start, worst = lsm.energies(sim).balance, 0.0
+    for _ in range(bench.steps(2000, 200)):
+        sim.run(50)
+        if sim.measure.sums()["contact_count"] == 0:
+            worst = max(worst, abs(lsm.energies(sim).balance / start - 1.0))
+    return worst
+
+
+def crowd(shapes, scale, seed, restitution, friction, speed=1.0):
+    """CROWD grains on a lattice in a periodic square, at random velocities and spins of `speed` [m s-1, s-1]."""
+    rng = np.random.default_rng(seed)
+    rows = int(np.ceil(np.sqrt(CROWD)))
+    place = np.stack(np.divmod(np.arange(CROWD), rows), axis=1) + 0.5
+    laws = [
+        lsm.LinearElastic(STIFFNESS),
+        lsm.ViscousDamping(restitution=restitution),
+        lsm.CoulombFriction(friction, 0.5 * STIFFNESS),
+    ]
+    return scene_of(
+        place * (CELL / rows),
+        laws,
+        shapes=shapes,
+        shape=np.arange(CROWD) % len(shapes),
+        scale=scale,
+        angle=rng.uniform(0.0, 6.0, CROWD),
+        velocity=speed * rng.normal(0.0, 1.0, (CROWD, 2)),
+        spin=speed * rng.normal(0.0, 1.0, (CROWD, 1)),
+        lengths=(CELL, CELL),
+        periodic=(True, True),
+    )
+
+
+def worst_error(bench, scene, full, short, growth=False):
+    """Greatest error of the energy balance over the energy at the start, or its greatest growth."""
+    sim = bench.simulate(scene)
+    start, worst = lsm.energies(sim).balance, 0.0
+    for _ in range(20):
+        sim.run(bench.steps(full, short) // 20)
+        error = lsm.energies(sim).balance / start - 1.0
+        worst = max(worst, error if growth else abs(error))
+    return worst
+
+
+@hard("crowd of needles and angular grains", "growth of stored and dissipated energy over that of the start", 1e-3)
+def needles_in_a_crowd(bench):
+    """Elongated and angular grains with friction and damping, in contact at several places and turning fast: the sum of
+    all errors of contacts and of booking may not feed the crowd."""
+    shapes = [box(3.0, 1.0), *lsm.random_angular_shapes(6, 2)]
+    return worst_error(bench, crowd(shapes, 0.55, 3, 0.6, 0.5), 200_000, 4000)
+
+
+@hard("grains of sizes 1:20", "relative error of the energy", 1e-3)
+def sizes_of_grains(bench):
+    """Small grains among large ones in one list and one step: the smallest sets the step, the largest the cells, and a
+    small corner meets faces that look like planes."""
+    shapes = lsm.random_angular_shapes(6, 2)
+    scale = np.full(CROWD, 0.08)
+    scale[::10] = 1.6
+    speed = 0.4 / scale[:, None]  # [m s-1]: as energy is shared equally
+    return worst_error(bench, crowd(shapes, scale, 5, 1.0, 0.0, speed), 1_000_000, 50_000)
+
+
+def stack(count=4):
+    """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping. Their faces
+    bulge a little; without a damping of all motion they would rock on them for ever, as they should."""
+    slab = box(4.0, 1.0)
+    height = 2.0 * turned(slab, 0.0)[:, 1].max()
+    middle = (np.arange(count) + 0.5) * (height + 1e-3) + 1e-3
+    position = np.stack([np.zeros(count), middle], axis=1)
+    laws = [
+        lsm.LinearElastic(STIFFNESS),
+        lsm.ViscousDamping(restitution=0.3),
+        lsm.CoulombFriction(0.5, 0.5 * STIFFNESS),
+        lsm.Gravity((0.0, -G)),
+        lsm.GlobalDamping(ROCKING),
+    ]
+    floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
+    return scene_of(position, laws, shapes=[slab], angle=np.zeros(count), walls=[floor])
+
+
+@hard("stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)
+def stack_at_rest(bench):
+    """Large faces that rest on each other: the contact may wander from end to end and rock the stack for ever, or let
+    it creep."""
+    sim = bench.simulate(stack())
+    sim.run(bench.steps(400_000, 40_000))
+    return lsm.energies(sim).kinetic / (1000.0 * np.pi / 4.0 * G)
