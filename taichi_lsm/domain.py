@@ -66,6 +66,10 @@ class Domain:
             flow[:, 0] = self.shear_rate[0] * position[:, 1]
         return flow
 
+    def flow_over(self, skin):
+        """Greatest speed [m s-1] at which the mean flow parts two grains within each other's reach and `skin` [m]."""
+        return abs(self.shear_rate[0]) * (self.widest[0] + skin) if self.sheared else 0.0
+
     def set_lengths(self, lengths):
         """Write the lengths of the cell [m]; those of open axes do not matter."""
         finite = np.where(self.periodic, lengths, 1.0).astype(float)

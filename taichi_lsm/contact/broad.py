@@ -30,6 +30,7 @@ class NeighbourSearch:
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
         self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if self.several else self.row_count
         self.trouble = ti.field(ti.i32, 3)  # 1 + id of a grain that is nowhere, of a crushed platen, of one that jumps
+        self.fastest = ti.field(ti.f64, ())
         self.searches = 0
         when_allocated(lambda: self.set_skin(skin))
 
@@ -135,6 +136,7 @@ class NeighbourSearch:
         """Number of pairs to be listed. jump [s]: a grain that moves by more than its radius in this time is noted."""
         for i in ti.static(range(3)):
             self.trouble[i] = 0
+        self.fastest[None] = 0.0
         ti.loop_config(serialize=self.serial)
         for c in range(self.grid.occupied[None]):
             lists, number = self.grid.around(c)
@@ -153,15 +155,20 @@ class NeighbourSearch:
 
     @ti.func
     def note_trouble(self, k, jump):
-        """Note a grain whose position is no number, or that moves too far in one step."""
+        """Note the fastest grain, and one whose position is no number or that moves too far in one step."""
         g = self.grains
         if not ti.abs(g.position[k]).sum() < FAR:
             self.trouble[0] = g.id[k] + 1
         v = g.velocity[k]
         if ti.static(self.domain.sheared):
             v[0] -= self.domain.shear_rate[0] * g.position[k][1]
-        if g.platen[k] < 0 and v.norm() * jump > g.radius[k]:
+        speed = v.norm()
+        if g.platen[k] < 0 and speed * jump > g.radius[k]:
             self.trouble[2] = g.id[k] + 1
+        if ti.static(self.several):
+            fastest = ti.abs(g.spin[k][0]) if ti.static(self.dim == 2) else g.spin[k].norm()
+            speed += fastest * g.radius[k]
+        ti.atomic_max(self.fastest[None], speed)
 
     def sort_grains(self):
         """Order the slots along the cells, so that neighbours in space are neighbours in memory."""
@@ -177,7 +184,10 @@ class NeighbourSearch:
 
     def count(self, dt, guards):
         """Number of pairs to be listed. Raises SimulationError if a guard finds a grain that is lost or that jumps in a
-        step of dt [s], or if the layer is gone."""
+        step of dt [s], or if the layer is gone.
+
+        Grains that part must still be listed in the step in which they do so: a skin of less than that is widened.
+        """
         if len(self.grains) >= SORT_LEAST and self.searches % SORT_INTERVAL == 0:
             self.sort_grains()
         self.searches += 1
@@ -191,6 +201,10 @@ class NeighbourSearch:
             raise SimulationError(text, grains=[crushed])
         if jumping >= 0:
             raise self.jump_error(jumping, dt, guards.displacement)
+        parting = 2.0 * (self.fastest[None] + self.domain.flow_over(self.skin[None])) * dt
+        if parting > self.skin[None] and np.isfinite(parting):
+            self.set_skin(2.0 * parting)
+            return self.count(dt, guards)
         return total
 
     def jump_error(self, k, dt, limit):

@@ -4,8 +4,8 @@ import pytest
 
 import taichi_lsm as lsm
 from tests.scenes import PRECISION
-from workflows.hard import Bench, cases_of
-from workflows.hard.outlines import error_of_impact, impact
+from workflows.hard import Bench, cases_of, error_of_impact
+from workflows.hard.outlines import impact
 
 CASES = {case.name: case for case in cases_of("outlines")}
 

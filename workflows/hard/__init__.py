@@ -119,6 +119,18 @@ def worst_balance(sim, steps, samples=20):
     return worst
 
 
+def error_of_impact(bench, scene, most=20_000):
+    """abs(energy after the grains have met and parted over that before - 1)."""
+    sim = bench.simulate(scene)
+    start, before = lsm.energies(sim).balance, sim.state.velocity.to_numpy()
+    for _ in range(most // 50):
+        sim.run(50)
+        met = (sim.state.velocity.to_numpy() != before).any()
+        if met and sim.measure.sums()["contact_count"] == 0:
+            return abs(lsm.energies(sim).balance / start - 1.0)
+    raise lsm.SimulationError(f"no impact began and ended within {most} steps")
+
+
 def refused(make, *words):
     """0 if `make()` raises InputError with all the words in its message, else infinity."""
     try:

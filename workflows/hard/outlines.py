@@ -3,7 +3,7 @@
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.hard import hard, scene_of
+from workflows.hard import error_of_impact, hard, scene_of
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
 G = 10.0  # [m s-2]
@@ -36,18 +36,6 @@ def impact(shapes, angles, velocity=1.0, height=0.0, spin=(0.0, 0.0), gap=0.01, 
     return scene_of(
         [(0.0, 0.0), (ahead, height)], angle=np.array(angles), velocity=flight, spin=np.array(spin)[:, None], **more
     )
-
-
-def error_of_impact(bench, scene, most=20_000):
-    """abs(energy after the grains have met and parted over that before - 1)."""
-    sim = bench.simulate(scene)
-    start, before = lsm.energies(sim).balance, sim.state.velocity.to_numpy()
-    for _ in range(most // 50):
-        sim.run(50)
-        met = (sim.state.velocity.to_numpy() != before).any()
-        if met and sim.measure.sums()["contact_count"] == 0:
-            return abs(lsm.energies(sim).balance / start - 1.0)
-    raise lsm.SimulationError(f"no impact began and ended within {most} steps")
 
 
 @hard("seams hit at grazing angles", "relative error of the energy in one impact", 1e-4)

@@ -1,0 +1,20 @@
+"""Hard cases of packings, in their quick form."""
+
+import pytest
+
+from tests.scenes import PRECISION
+from workflows.hard import Bench, cases_of
+
+CASES = {case.name: case for case in cases_of("packings")}
+
+
+@pytest.fixture(scope="module")
+def bench(runtime):
+    return Bench(PRECISION)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_hard_case_respects_its_bound(bench, name):
+    if PRECISION == "f32" and CASES[name].excepted:
+        pytest.skip(CASES[name].excepted)
+    assert CASES[name].run(bench) <= CASES[name].bound_in(PRECISION)
