@@ -68,6 +68,8 @@ class Scene:
         if self.dim not in (2, 3):
             raise InputError(f"dim {self.dim!r}: must be 2 or 3")
         n = len(self.position)
+        if n == 0:
+            raise InputError("Scene.position: no grains, must be at least one")
         self.position = np.asarray(self.position, float)
         self.scale = np.asarray(self.scale, float)
         self.shape = np.asarray(self.shape, np.int32)
@@ -115,8 +117,6 @@ class Scene:
         for name in ("lengths", "periodic"):
             if len(getattr(self, name)) != self.dim:
                 raise InputError(f"Scene.{name}: {len(getattr(self, name))} values, must be one per axis ({self.dim})")
-        if n == 0:
-            raise InputError("Scene.position: no grains, must be at least one")
         if not (self.scale > 0).all():
             raise InputError(f"Scene.scale: least value {self.scale.min():g} m, must be > 0")
         if not (np.isfinite(self.density) and self.density > 0):

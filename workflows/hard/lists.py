@@ -32,7 +32,7 @@ def flown(bench, scene, steps):
     return sim.state.position.to_numpy() - scene.position
 
 
-@hard("coordinates of 1e5 diameters", "difference of the ways from those near the origin, in diameters", 1e-7)
+@hard("coordinates of 1e5 diameters", "difference of the ways from those near the origin, in diameters", 1e-7, f32_bound=1e-5)
 def far_from_the_origin(bench):
     """After long shear grains have gone many times around the cell. In single precision a coordinate of 1e5 diameters
     is known to a hundredth of a diameter, ten times an overlap; positions are kept in double precision always."""
