@@ -32,7 +32,7 @@ def flown(bench, scene, steps):
     return sim.state.position.to_numpy() - scene.position
 
 
-@hard("coordinates of 1e5 diameters", "difference of the ways from those near the origin, in diameters", 1e-7, f32_bound=1e-5)
+@hard("Coordinates of 1e5 diameters", "difference of the ways from those near 0, in diameters", 1e-7, f32_bound=1e-5)
 def far_from_the_origin(bench):
     """After long shear grains have gone many times around the cell. In single precision a coordinate of 1e5 diameters
     is known to a hundredth of a diameter, ten times an overlap; positions are kept in double precision always."""
@@ -40,7 +40,7 @@ def far_from_the_origin(bench):
     return float(np.abs(near - far).max())
 
 
-@hard("list rebuilt in every step, and never", "difference of the positions, in diameters", 0.0)
+@hard("List rebuilt in every step, and never", "difference of the positions, in diameters", 0.0)
 def any_list(bench):
     """The list of neighbours is a matter of speed: whether it is rebuilt in every step or never, whatever the order in
     which pairs are found, the same bits must come out."""
@@ -49,7 +49,7 @@ def any_list(bench):
     return float(np.abs(every - never).max())
 
 
-@hard("two grains in the same place", "started simulations of two", 0.0)
+@hard("Two grains in the same place", "started simulations of two", 0.0)
 def coincident_centres(bench):
     """Between coincident centres there is no normal: a division by zero, and a NaN that spreads. Both grains are named,
     discs as well as grains of arcs."""
@@ -82,7 +82,7 @@ def scattered(distance):
     return scene_of(middle + side, laws, velocity=-side)
 
 
-@hard("collisions spread over a million diameters", "collisions that were missed", 0.0)
+@hard("Collisions spread over a million diameters", "collisions that were missed", 0.0)
 def spread_in_open_space(bench):
     """A grid of cells that covers everything would hold 1e12 of them; hashed cells hold grains from far apart in one
     list. No collision may be missed, and none added."""
@@ -93,7 +93,7 @@ def spread_in_open_space(bench):
     return float((~turned_back).sum()) / 2.0
 
 
-@hard("one grain", "error of its way over a diameter", 1e-9)
+@hard("One grain", "error of its way over a diameter", 1e-9)
 def one_grain(bench):
     """No pair, an empty list, a cell that is all its own neighbours: the grain flies on as if nothing was there."""
     cell = {"lengths": (3.0, 3.0), "periodic": (True, True)}
@@ -103,13 +103,13 @@ def one_grain(bench):
     return float(np.abs(sim.state.position.to_numpy() - scene.position - sim.time * scene.velocity).max() / sim.time)
 
 
-@hard("no grain", "0 if refused with the reason", 0.0)
+@hard("No grain", "0 if refused with the reason", 0.0)
 def no_grain(bench):
     """Empty arrays pass through many a program until something divides by their length."""
     return refused(lambda: scene_of(np.empty((0, 2)), [lsm.LinearElastic(STIFFNESS)]), "no grains", "at least one")
 
 
-@hard("grain larger than half of its cell", "accepted cells of two that are too small", 0.0)
+@hard("Grain larger than half of its cell", "accepted cells of two that are too small", 0.0)
 def cell_too_small(bench):
     """A grain that meets its neighbour on both sides, or its own image, needs more than the nearest image: a code that
     looks at one loses a contact without a word. The least length is named."""

@@ -38,7 +38,7 @@ def impact(shapes, angles, velocity=1.0, height=0.0, spin=(0.0, 0.0), gap=0.01, 
     )
 
 
-@hard("seams hit at grazing angles", "relative error of the energy in one impact", 1e-4)
+@hard("Seams hit at grazing angles", "relative error of the energy in one impact", 1e-4)
 def grazing_seams(bench):
     """Spinning grains brush each other, and the contact runs over many seams between patches. Where the normal jumps at
     a seam, every crossing costs or gives energy; here it is continuous, only its rate of change jumps."""
@@ -52,7 +52,7 @@ def grazing_seams(bench):
     return worst
 
 
-@hard("flat side on flat side", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Flat side on flat side", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def flat_on_flat(bench):
     """Two boxes meet face on face, exactly parallel or tilted by 1e-12 to 1e-3: the place of the contact is not
     defined, or races along the faces while they tilt."""
@@ -61,7 +61,7 @@ def flat_on_flat(bench):
     return max(error_of_impact(bench, impact((square, square), (0.0, tilt))) for tilt in tilts)
 
 
-@hard("flat side on flat side, exactly parallel", "spin after the impact, times diameter over speed", 1e-6)
+@hard("Flat side on flat side, exactly parallel", "spin after the impact, times diameter over speed", 1e-6)
 def parallel_faces_do_not_turn(bench):
     """Nothing in a symmetric impact prefers a side. Codes with several contact points, or a search that stops at the
     first patch that fits, turn the grains all the same."""
@@ -71,7 +71,7 @@ def parallel_faces_do_not_turn(bench):
     return float(np.abs(sim.state.spin.to_numpy()).max())
 
 
-@hard("corner on corner", "relative error of the energy in one impact", 1e-4)
+@hard("Corner on corner", "relative error of the energy in one impact", 1e-4)
 def corner_on_corner(bench):
     """Two rounded corners meet head on, or nearly: the smallest radii of curvature, and the normal swings fastest."""
     square = box(1.0, 1.0)
@@ -79,7 +79,7 @@ def corner_on_corner(bench):
     return max(error_of_impact(bench, impact((square, square), a)) for a in angles)
 
 
-@hard("sharp corner pressed to 0.8 of its cap", "relative error of the energy in one impact", 1e-4)
+@hard("Sharp corner pressed to 0.8 of its cap", "relative error of the energy in one impact", 1e-4)
 def sharp_corner(bench):
     """A corner of radius 0.01 d carries a contact only to twice that depth: beyond, the patches behind it take over the
     wrong side. Just below, all must still be smooth."""
@@ -90,7 +90,7 @@ def sharp_corner(bench):
     return error_of_impact(bench, impact((square, square), (0.25 * np.pi, 0.25 * np.pi), velocity=speed))
 
 
-@hard("needles of 10:1 that hit at their tips", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Needles of 10:1 that hit at their tips", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def needle_tips(bench):
     """A needle hit at its tip spins up, and its other end may come back for a second impact. Its moment of inertia
     makes the contact many times stiffer than that of a disc, which the step has to know."""
@@ -100,7 +100,7 @@ def needle_tips(bench):
     return max(error_of_impact(bench, impact((needle, needle), (0.5 * np.pi, 0.0), height=h)) for h in heights)
 
 
-@hard("flakes of 1:10 that meet face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Flakes of 1:10 that meet face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def flakes(bench):
     """Long faces, almost parallel: the contact point jumps from one end to the other within a few steps."""
     flake = box(10.0, 1.0)
@@ -114,7 +114,7 @@ def cross_pair(angles, **more):
     return impact((lsm.cross(), more.pop("other", lsm.cross())), angles, **more)
 
 
-@hard("corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def into_a_notch(bench):
     """A corner that enters the notch of a cross touches both of its arms at once. Codes with one contact per pair of
     grains lose one of them, codes that join overlaps into one get the direction of the force wrong."""
@@ -134,7 +134,7 @@ def locked_crosses():
     return scene_of([(0.0, 0.0), offset], laws, velocity=speed, spin=np.array([[0.2], [-0.1]]), **shapes)
 
 
-@hard("interlocked crosses", "relative error of the energy, with the grains apart", 1e-4, f32_bound=FLAT)
+@hard("Interlocked crosses", "relative error of the energy, with the grains apart", 1e-4, f32_bound=FLAT)
 def interlocked(bench):
     """Non-convex grains that hold each other touch at several places in turn, up to four contacts in one pair."""
     sim = bench.simulate(locked_crosses())
@@ -181,7 +181,7 @@ def worst_error(bench, scene, full, short, growth=False):
     return worst
 
 
-@hard("crowd of needles and angular grains", "growth of stored and dissipated energy over that of the start", 1e-3)
+@hard("Crowd of needles and angular grains", "growth of stored and dissipated energy over that of the start", 1e-3)
 def needles_in_a_crowd(bench):
     """Elongated and angular grains with friction and damping, in contact at several places and turning fast: the sum of
     all errors of contacts and of booking may not feed the crowd."""
@@ -189,7 +189,7 @@ def needles_in_a_crowd(bench):
     return worst_error(bench, crowd(shapes, 0.55, 3, 0.6, 0.5), 200_000, 4000)
 
 
-@hard("grains of sizes 1:20", "relative error of the energy", 1e-3)
+@hard("Grains of sizes 1:20", "relative error of the energy", 1e-3)
 def sizes_of_grains(bench):
     """Small grains among large ones in one list and one step: the smallest sets the step, the largest the cells, and a
     small corner meets faces that look like planes."""
@@ -218,7 +218,7 @@ def stack(count=4):
     return scene_of(position, laws, shapes=[slab], angle=np.zeros(count), walls=[floor])
 
 
-@hard("stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)
+@hard("Stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)
 def stack_at_rest(bench):
     """Large faces that rest on each other: the contact may wander from end to end and rock the stack for ever, or let
     it creep."""

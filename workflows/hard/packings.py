@@ -43,7 +43,7 @@ def giant_and_dwarfs():
     return scene_of(place, [lsm.LinearElastic(STIFFNESS)], scale=scale, velocity=velocity, **cell)
 
 
-@hard("sizes 1:100, masses 1:1e6", "relative error of the energy", 1e-3)
+@hard("Sizes 1:100, masses 1:1e6", "relative error of the energy", 1e-3)
 def giant_among_dwarfs(bench):
     """The smallest sphere sets the time step and the largest the size of the cells; the sum of forces on the giant is a
     million times the force on a dwarf, in which small ones drown if they are added carelessly."""
@@ -67,7 +67,7 @@ def overlapping(seed):
     return scene_of(place, laws(restitution=0.3, friction=0.3), safety=0.03, **CELL)
 
 
-@hard("packing that overlaps at the start", "greatest energy over the elastic energy at the start", 1.001)
+@hard("Packing that overlaps at the start", "greatest energy over the elastic energy at the start", 1.001)
 def overlapping_start(bench):
     """Discs thrown in at random hold a thousand times the energy of a layer under stress. All of it is released, and no
     more: nothing may be shot through its neighbours, and damping must take it up."""
@@ -80,7 +80,7 @@ def overlapping_start(bench):
     return most
 
 
-@hard("what an overlapping start releases", "kinetic energy left over the elastic energy of the start", 1e-2)
+@hard("What an overlapping start releases", "kinetic energy left over the elastic energy of the start", 1e-2)
 def relaxed_start(bench):
     """After the release the packing has to come to rest, not go on as a gas."""
     sim = bench.simulate(overlapping(2))
@@ -102,7 +102,7 @@ def jammed(overlap):
 
 
 @hard(
-    "stiffness number of 1e6",
+    "Stiffness number of 1e6",
     "relative error of the energy",
     1e-2,
     excepted="the rounding of lengths of one diameter, 6e-8, is some per cent of an overlap of 1e-6 diameters",
@@ -128,7 +128,7 @@ def sheared():
     return scene_of(place, laws(restitution=0.5, friction=0.5), scale=scale, safety=0.1, **cell)
 
 
-@hard("sizes 1:4 in a sheared cell", "error of the energy balance over the work of shearing", 1e-3)
+@hard("Sizes 1:4 in a sheared cell", "error of the energy balance over the work of shearing", 1e-3)
 def polydisperse_shear(bench):
     """Grains cross the border at speed and meet their neighbours' images, small ones between large ones; the work of
     the shear must be what is dissipated and stored."""
@@ -179,14 +179,14 @@ def any_grains(rng, shapes, rows, scale):
     )
 
 
-@hard("any discs", "greatest growth of the energy over that of the start", 5e-3)
+@hard("Any discs", "greatest growth of the energy over that of the start", 5e-3)
 def random_discs(bench):
     """Not one situation but many: whatever is drawn, the energy may not grow and no number may be lost."""
     seeds = range(bench.steps(60, 6))
     return max(growth(bench.simulate(any_discs(seed)), bench.steps(40_000, 4000)) for seed in seeds)
 
 
-@hard("any angular grains", "greatest growth of the energy over that of the start", 5e-3)
+@hard("Any angular grains", "greatest growth of the energy over that of the start", 5e-3)
 def random_angular(bench):
     """The same of polygons of any angularity, elongation and roundness."""
     seeds = range(bench.steps(60, 6))

@@ -65,7 +65,7 @@ def worst_impact(bench, scenes):
     return max(error_of_impact(bench, scene, most=200_000) for scene in scenes)
 
 
-@hard("spinning grains that brush edges", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Spinning grains that brush edges", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def brushing_edges(bench):
     """Fast spins drag the contact over edges and seams at grazing angles within one impact."""
     # first of its file: a compiled simulation has room for the shapes that it was made with
@@ -82,7 +82,7 @@ def brushing_edges(bench):
     return worst_impact(bench, scenes())
 
 
-@hard("edge on parallel edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Edge on parallel edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def parallel_edges(bench):
     """Two cubes meet edge on edge, exactly parallel or tilted by 1e-9 to 1e-3: the nearest points of two parallel lines
     are not defined, and a solver for them divides by zero."""
@@ -91,7 +91,7 @@ def parallel_edges(bench):
     return worst_impact(bench, (impact((cube, cube), (EDGE_FIRST, after(turn(X, a), EDGE_FIRST))) for a in tilts))
 
 
-@hard("edge across edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Edge across edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def crossed_edges(bench):
     """The contact lies on no corner and no face of either grain: codes that test corners against faces miss it."""
     cube = box(1.0, 1.0, 1.0)
@@ -100,7 +100,7 @@ def crossed_edges(bench):
     )
 
 
-@hard("face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def face_on_face(bench):
     """Two faces that meet exactly parallel touch everywhere at once; tilted by 1e-9, the contact point runs across the
     face in a few steps."""
@@ -108,7 +108,7 @@ def face_on_face(bench):
     return worst_impact(bench, (impact((cube, cube), (AS_IT_IS, turn(Y, a))) for a in (0.0, 1e-9, 1e-3)))
 
 
-@hard("corner on corner of solids", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Corner on corner of solids", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def corners(bench):
     """Where three edges meet, seven features lie within a corner radius of each other."""
     cube = box(1.0, 1.0, 1.0)
@@ -118,7 +118,7 @@ def corners(bench):
     )
 
 
-@hard("needle of 10:1 hit at its tip", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Needle of 10:1 hit at its tip", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def needle(bench):
     """Two needles across each other meet near their tips: they spin up at once, about axes with moments of inertia a
     hundred times apart."""
@@ -128,7 +128,7 @@ def needle(bench):
     return worst_impact(bench, (impact((rod, rod), (upright, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.5, 0.95)))
 
 
-@hard("plate of 1:10 hit on its rim", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
+@hard("Plate of 1:10 hit on its rim", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def plate(bench):
     """A plate hits another with its rim, flat on and near the rim: thin edges against wide faces."""
     flake = box(10.0, 10.0, 1.0)
@@ -153,7 +153,7 @@ def energies_of(sim, samples, every):
     return np.array(found)
 
 
-@hard("moments of inertia 1e4 apart", "relative error of the energy of a free rotor", 1e-3)
+@hard("Moments of inertia 1e4 apart", "relative error of the energy of a free rotor", 1e-3)
 def inertia_ratio(bench):
     """A long rod that tumbles end over end and spins about its axis: the two rates are ten thousand times apart, and
     Euler's equations are stiff."""
@@ -164,7 +164,7 @@ def inertia_ratio(bench):
     return float(np.abs(energy / energy[0] - 1.0).max())
 
 
-@hard("half a radian per step", "change of the mean energy over a run", 1e-3)
+@hard("Half a radian per step", "change of the mean energy over a run", 1e-3)
 def half_a_radian_per_step(bench):
     """A grain thrown out of a break may spin so fast that it turns by half a radian in one step. A scheme that is only
     nearly symmetric warms it up or slows it down; here the energy may ripple, but has no trend."""
@@ -176,7 +176,7 @@ def half_a_radian_per_step(bench):
     return float(abs(energy[-tenth:].mean() / energy[:tenth].mean() - 1.0))
 
 
-@hard("rotation about the middle axis", "relative error of the energy over all flips", 1e-4)
+@hard("Rotation about the middle axis", "relative error of the energy over all flips", 1e-4)
 def middle_axis(bench):
     """Rotation about the axis of the middle moment is unstable: the grain flips over again and again. Schemes without
     symmetry lose the rhythm and settle to another axis."""
@@ -197,7 +197,7 @@ def middle_axis(bench):
     return error if flips >= 3 else np.inf
 
 
-@hard("quaternions after very many steps", "greatest deviation of their length from 1", 1e-12)
+@hard("Quaternions after very many steps", "greatest deviation of their length from 1", 1e-12)
 def unit_quaternions(bench):
     """Rounding lengthens a quaternion in every step; one that is not unit stretches the grain and all its contacts."""
     sim = bench.simulate(rotors(box(1.5, 1.2, 0.8), (3.0, 2.0, 1.0)))

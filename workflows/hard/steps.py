@@ -53,14 +53,14 @@ def blow_up_step(bench):
     return low
 
 
-@hard("step of 0.9 of the critical one", "greatest swing of a contact over its first", 1.01)
+@hard("Step of 0.9 of the critical one", "greatest swing of a contact over its first", 1.01)
 def step_below_critical(bench):
     """Verlet swings without growth up to the step 2/omega, where codes that judge a step by rules of thumb waste half
     of it or pass it. The critical step is measured here: the blow-up step of two discs in contact."""
     return greatest_swing(bench.simulate(held_pair(0.9 * blow_up_step(bench))), bench.steps(20_000, SWINGS))
 
 
-@hard("step of 1.1 of the critical one", "greatest swing of a contact over its first before the run is refused", 1.0)
+@hard("Step of 1.1 of the critical one", "greatest swing of a contact over its first before the run is refused", 1.0)
 def step_above_critical(bench):
     """Above the critical step a contact gains energy in every step and grains fly apart, often only after hours of a
     run. It must be refused before the first step, with the step to use."""
@@ -81,7 +81,7 @@ def crowd(dt):
     return scene_of(position, elastic(), lengths=lengths, periodic=(True, True), velocity=velocity, dt=dt)
 
 
-@hard("step that suits two grains, but not a crowd", "steps until the run is stopped with the step to use", 1.0)
+@hard("Step that suits two grains, but not a crowd", "steps until the run is stopped with the step to use", 1.0)
 def step_of_a_pair_in_a_crowd(bench):
     """A grain among six neighbours swings faster than one of a pair: a step that is stable while grains are loose can
     become unstable when they are packed. The contacts that are there are counted while the simulation runs."""
@@ -92,7 +92,7 @@ def step_of_a_pair_in_a_crowd(bench):
     return steps_until_stopped(sim, 2000, "stable", "use dt <=")
 
 
-@hard("step of zero, less, or no number", "accepted steps of four that make no sense", 0.0)
+@hard("Step of zero, less, or no number", "accepted steps of four that make no sense", 0.0)
 def step_without_sense(bench):
     """A step of zero runs for ever and a negative one backwards, with dampers that feed energy in."""
     senseless = (0.0, -1e-3, math.nan, math.inf)
@@ -106,7 +106,7 @@ def on_floor(speed, dt, stiffness=STIFFNESS, height=50.0):
     return scene_of(position, [lsm.LinearElastic(stiffness)], velocity=velocity, walls=[floor], dt=dt)
 
 
-@hard("impact that crosses half a grain in one step", "steps until the run is stopped", 1.0)
+@hard("Impact that crosses half a grain in one step", "steps until the run is stopped", 1.0)
 def crossing_in_one_step(bench):
     """A grain that moves by its own radius in a step may pass through another without ever being in contact: nothing in
     the energies tells. Its way in a step is limited, and the error names the step to use."""
@@ -118,7 +118,7 @@ def crossing_in_one_step(bench):
     return steps_until_stopped(sim, 100, "in one step", "use dt <=")
 
 
-@hard("impact deeper than a contact can be", "overlap over the sum of the radii when the run is stopped", 0.999)
+@hard("Impact deeper than a contact can be", "overlap over the sum of the radii when the run is stopped", 0.999)
 def deeper_than_the_cap(bench):
     """Soft grains hit hard overlap until their centres pass each other; then the contact pushes them through instead of
     back. The run must stop before, not drop the contact."""
@@ -130,7 +130,7 @@ def deeper_than_the_cap(bench):
     return math.inf
 
 
-@hard("velocity that is not a number", "steps until the run is stopped", 1.0)
+@hard("Velocity that is not a number", "steps until the run is stopped", 1.0)
 def not_a_number(bench):
     """One NaN spreads from contact to contact through a whole packing, and every comparison with it is false: lists and
     averages hide it for thousands of steps. The grain is named in the step in which its position is lost."""
@@ -142,7 +142,7 @@ def not_a_number(bench):
     return steps_until_stopped(sim, 1000, "grain 1", "not a number")
 
 
-@hard("grain shot at a wall that is too soft", "way of the centre beyond the wall at the stop, in radii", 0.2)
+@hard("Grain shot at a wall that is too soft", "way of the centre beyond the wall at the stop, in radii", 0.2)
 def through_a_wall(bench):
     """Beyond a wall there is nothing to push a grain back once its centre has passed: it leaves the experiment."""
     scene = on_floor(0.0, 0.02 * CRITICAL, height=1.0)
@@ -156,7 +156,7 @@ def through_a_wall(bench):
     return math.inf
 
 
-@hard("scheme that feeds energy in", "energy over that of the start when the run is stopped", 1.5)
+@hard("Scheme that feeds energy in", "energy over that of the start when the run is stopped", 1.5)
 def lost_balance(bench):
     """The scheme as the paper prints it gains energy in every contact. A slow gain looks like physics, a hot granular
     gas, until the balance of the energy is drawn up."""
