@@ -27,6 +27,7 @@ TEXTS = {
     "case": "name of the case",
     "kind": "file of workflows/hard that defines the case",
     "title": "what the case is",
+    "why": "what makes it hard",
     "precision": "floating-point type of contacts and forces",
     "measure": "what the value is",
     "unit": "unit of value and bound",
@@ -62,7 +63,8 @@ def run_kind(kind, precision, short):
         status = "passed" if value <= bound else "failed"
         if precision == "f32" and case.excepted:
             status = "excepted"
-        row = {"case": case.name, "kind": kind, "title": case.title, "precision": precision, "measure": case.measure}
+        row = {"case": case.name, "kind": kind, "title": case.title, "why": case.why}
+        row |= {"precision": precision, "measure": case.measure}
         row |= {"unit": case.unit, "value": value, "bound": bound, "margin": margin(value, bound)}
         row |= {"status": STATUS.index(status), "reason": reason, "seconds": time.perf_counter() - began}
         rows.append(row)
@@ -108,15 +110,40 @@ def analyse(rows):
 
 
 def table_text(rows):
-    """Markdown table of the rows: measure, bound and margin of each case."""
-    lines = ["| case | precision | measure | value | bound | margin | |", "|---|---|---|---|---|---|---|"]
+    """Markdown: for each file of cases a table of why each is hard, its measure, and value and margin by precision."""
+    lines = []
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        own = [row for row in rows if row["kind"] == kind]
+        precisions = list(dict.fromkeys(row["precision"] for row in own))
+        head = ["case", "measure", "bound", *(f"{p}, times it fits into the bound" for p in precisions)]
+        lines += [f"### {kind.capitalize()}", "", "| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+        for name in dict.fromkeys(row["case"] for row in own):
+            of_case = {row["precision"]: row for row in own if row["case"] == name}
+            first = next(iter(of_case.values()))
+            bounds = list(dict.fromkeys(f"{row['bound']:g}" for row in of_case.values()))
+            unit = "" if first["unit"] == "1" else f" {first['unit']}"
+            cells = [f"**{first['title']}.** {first['why']}", first["measure"], ", f32: ".join(bounds) + unit]
+            lines.append("| " + " | ".join(cells + [_outcome(of_case.get(p)) for p in precisions]) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def plain_lines(rows):
+    """One line for a case in one precision: title, value, bound, verdict."""
+    widest = max(len(row["title"]) for row in rows)
     for row in rows:
-        unit = "" if row["unit"] == "1" else f" {row['unit']}"
-        verdict = STATUS[row["status"]] + (f": {row['reason']}" if row["reason"] else "")
-        room = "exact" if row["value"] == 0.0 else f"{row['margin']:.3g}"
-        cells = (row["title"], row["precision"], row["measure"], f"{row['value']:.3g}{unit}", f"{row['bound']:g}{unit}")
-        lines.append("| " + " | ".join((*cells, room, verdict)) + " |")
-    return "\n".join(lines) + "\n"
+        numbers = f"{row['value']:9.3g} <= {row['bound']:<9.3g}"
+        line = f"{row['title']:{widest}}  {row['precision']}  {numbers} {STATUS[row['status']]}  {row['reason']}"
+        yield line.rstrip()
+
+
+def _outcome(row):
+    """Value, margin and verdict of a row, in words; "-" for no row."""
+    if row is None:
+        return "-"
+    room = "exact" if row["value"] == 0.0 else f"{row['value']:.2g}, {row['margin']:.2g} times"
+    verdict = {"passed": "", "failed": "; **failed**", "excepted": "; excepted"}[STATUS[row["status"]]]
+    return room + verdict + (f": {row['reason']}" if row["reason"] else "")
 
 
 def run(params, out, progress=None):
@@ -148,7 +175,7 @@ def run(params, out, progress=None):
     figures = analyse(rows)
     figures["seconds"] = Figure(time.perf_counter() - began, "s")
     if progress:
-        print(table_text(rows))
+        print("\n".join(plain_lines(rows)))
     write_summary(out, "hard-cases", params.preset_name, figures, quiet=progress is None)
     failed = [f"{row['title']} ({row['precision']})" for row in rows if STATUS[row["status"]] == "failed"]
     if failed:

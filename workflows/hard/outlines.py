@@ -38,7 +38,7 @@ def impact(shapes, angles, velocity=1.0, height=0.0, spin=(0.0, 0.0), gap=0.01, 
     )
 
 
-@hard("Seams hit at grazing angles", "relative error of the energy in one impact", 1e-4)
+@hard("Seams hit at grazing angles", "relative error of the energy in one impact", 1e-3)
 def grazing_seams(bench):
     """Spinning grains brush each other, and the contact runs over many seams between patches. Where the normal jumps at
     a seam, every crossing costs or gives energy; here it is continuous, only its rate of change jumps."""
@@ -170,18 +170,17 @@ def crowd(shapes, scale, seed, restitution, friction, speed=1.0):
     )
 
 
-def worst_error(bench, scene, full, short, growth=False):
-    """Greatest error of the energy balance over the energy at the start, or its greatest growth."""
+def worst_error(bench, scene, full, short):
+    """Greatest error of the energy balance over the energy at the start."""
     sim = bench.simulate(scene)
     start, worst = lsm.energies(sim).balance, 0.0
     for _ in range(20):
         sim.run(bench.steps(full, short) // 20)
-        error = lsm.energies(sim).balance / start - 1.0
-        worst = max(worst, error if growth else abs(error))
+        worst = max(worst, abs(lsm.energies(sim).balance / start - 1.0))
     return worst
 
 
-@hard("Crowd of needles and angular grains", "growth of stored and dissipated energy over that of the start", 1e-3)
+@hard("Crowd of needles and angular grains", "error of stored and dissipated energy over that of the start", 5e-3)
 def needles_in_a_crowd(bench):
     """Elongated and angular grains with friction and damping, in contact at several places and turning fast: the sum of
     all errors of contacts and of booking may not feed the crowd."""
