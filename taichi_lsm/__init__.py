@@ -19,6 +19,7 @@ _HOME = {
     "VelocityVerlet": "integrators",
     "SymplecticEuler": "euler",
     "ExplicitEuler": "euler",
+    "ForestRuth": "composed",
     "Platen": "drives",
     "Fixed": "drives",
     "ConstantVelocity": "drives",

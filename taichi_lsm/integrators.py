@@ -7,6 +7,7 @@ Many steps are made in one launch, by a crew of threads that share its stages; a
 """
 
 from .crew import SPREAD, Crew
+from .offloaded import Offloaded
 from .rotation import free_rotor, momentum_of, spin_of, turned, unrotate
 from .runtime import current, ti, when_allocated
 
@@ -19,7 +20,7 @@ OFFLOADED_STEPS = 8  # launched before the flags are read
 
 
 @ti.data_oriented
-class VelocityVerlet:
+class VelocityVerlet(Offloaded):
     """Symplectic, second order for conservative scenes: Eqs. (12)-(17) with the velocity of Eq. (14) at t + dt/2.
 
     dt [s] lives in a field. `halted` is 1 when a grain moved half the skin since the list was built: the step then
@@ -28,6 +29,7 @@ class VelocityVerlet:
 
     onset = False  # add impulses where contacts begin and end
     half_step = True  # velocities belong half a step before positions
+    conservative = False  # only for scenes that lose no energy
 
     def __init__(self, forces, platens, skin, dt, threads=1):
         self.forces, self.platens, self.crew = forces, platens, Crew(threads, LAST_STAGE + 1)
@@ -52,22 +54,41 @@ class VelocityVerlet:
         self.half_skin[None] = 0.5 * skin
 
     @ti.func
+    def drift_time(self, step):
+        """Time [s] of the drift in this step of a launch."""
+        return self.dt[None]
+
+    @ti.func
+    def kick_time(self, step):
+        """Time [s] for which the forces act at the start of this step: half of the last drift and half of this."""
+        return self.dt[None]
+
+    @ti.func
+    def last_time(self):
+        """Time [s] of the drift that led to the present positions."""
+        return self.dt[None]
+
+    def go_on_from(self, former):
+        """Take over what an integrator of the same class remembers beside the state."""
+
+    @ti.func
     def advance(self, k, step):
         """Kick and drift of the mobile grain k, Eqs. (12)-(18)."""
-        g, dt = self.grains, self.dt[None]
+        g, dt, push_time = self.grains, self.drift_time(step), self.kick_time(step)
         before = g.position[k]
         self.keep_velocity(k)
         force, torque, kick, twist = self.forces.gathered(k)
-        g.velocity[k] = self.kicked(k, g.velocity[k], (force * dt + kick) * g.inverse_mass[k], g.inverse_mass[k])
+        push = force * push_time + kick
+        g.velocity[k] = self.kicked(k, g.velocity[k], push * g.inverse_mass[k], g.inverse_mass[k])
         g.position[k] = g.position[k] + g.velocity[k] * dt
         if ti.static(self.domain.sheared):
             self.forces.geometry.book_shear(k, self.domain.carried(g.velocity[k], before, dt) / g.inverse_mass[k])
         if ti.static(self.tumbles):
-            self.tumble(k, torque * dt + twist, dt)
+            self.tumble(k, torque * push_time + twist, dt)
         else:
             if ti.static(self.rotates):
                 inverse = g.inverse_inertia[k]
-                g.spin[k] = self.kicked(k, g.spin[k], (torque * dt + twist) * inverse, inverse)
+                g.spin[k] = self.kicked(k, g.spin[k], (torque * push_time + twist) * inverse, inverse)
             if ti.static(self.oriented):
                 g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
         self.watch(k, before, step)
@@ -165,7 +186,9 @@ class VelocityVerlet:
             passed = self.domain.passed(g.position[k], before, limit, self.dt[None])
         if ti.static(self.shaped):
             fastest = ti.abs(g.spin[k][0]) if ti.static(g.dim == 2) else g.spin[k].norm()
-            turning = TURN_MARGIN * fastest * self.dt[None] * g.radius[k]
+            turning = TURN_MARGIN * fastest * self.drift_time(step) * g.radius[k]
+            if ti.static(self.conservative):  # such schemes also go back in time
+                turning = ti.abs(turning)
             g.travel[k] = g.travel[k] + passed + turning
         way = g.position[k] - g.built_position[k]
         if ti.static(self.domain.sheared):
@@ -188,7 +211,7 @@ class VelocityVerlet:
             omega = g.spin[k]
         if ti.static(self.half_step):
             if g.platen[k] < 0:
-                h = 0.5 * self.dt[None]
+                h = 0.5 * self.last_time()
                 force, torque, kick, twist = self.forces.gathered(k)
                 v += (force * h + kick) * g.inverse_mass[k]
                 if ti.static(self.tumbles):
@@ -207,7 +230,7 @@ class VelocityVerlet:
         if ti.static(self.half_step):
             if self.grains.platen[k] < 0:
                 force, torque, kick, twist = self.forces.gathered(k)
-                result += torque * (0.5 * self.dt[None]) + twist
+                result += torque * (0.5 * self.last_time()) + twist
         return result
 
     @ti.func
@@ -287,54 +310,6 @@ class VelocityVerlet:
             part = self.crew.hand_in(t, stage)
         self.crew.wait(t, stage)
 
-    @ti.kernel
-    def step_offloaded(self):
-        """One step with a thread per grain, for a GPU; does nothing if the list must be rebuilt."""
-        if self.halted[None] == 0:
-            if ti.static(self.driven):
-                self.platens.kick(self.dt[None])
-            self.domain.note_strain()
-            self.move_walls(0, 1, 0, 0.0)
-        for k in range(self.grains.count[None]):
-            if self.halted[None] == 0:
-                if self.grains.platen[k] < 0:
-                    self.advance(k, 0)
-                elif ti.static(self.driven):
-                    self.carry(k, 0)
-        if ti.static(self.bonded):
-            for k in range(self.grains.count[None]):
-                if self.halted[None] == 0:
-                    if self.bonds.evaluate(k) == 1:
-                        self.moved[None] = 1
-        if self.halted[None] == 0:
-            if self.moved[None] == 1:
-                self.halted[None] = 1
-            else:
-                self.steps_done[None] += 1
-        for k in range(self.grains.count[None]):
-            if self.halted[None] == 0:
-                lanes = self.forces.lanes(0)
-                self.forces.rows(lanes, k, k + 1, self.dt[None])
-        if ti.static(self.driven):
-            if self.halted[None] == 0:
-                self.platens.gather(self.forces, self.dt[None])
-        if ti.static(self.walled):
-            if self.halted[None] == 0:
-                self.forces.walls.gather(self.forces, self.dt[None])
-
-    @ti.kernel
-    def contacts_offloaded(self, dt: ti.f64):
-        """Contacts at the present positions with a thread per grain: see `contacts_only`."""
-        for k in range(self.grains.count[None]):
-            lanes = self.forces.lanes(0)
-            self.forces.rows(lanes, k, k + 1, dt)
-        self.moved[None] = 0
-        self.halted[None] = 0
-        if ti.static(self.driven):
-            self.platens.gather(self.forces, self.dt[None])
-        if ti.static(self.walled):
-            self.forces.walls.gather(self.forces, dt)
-
     def launch(self, count):
         """Make up to `count` steps, fewer if the list must be rebuilt or a launch would take long."""
         if self.offloaded:
@@ -361,7 +336,7 @@ class VelocityVerlet:
                 g.angular_momentum[k] = momentum_of(g.orientation[k], g.spin[k], 1.0 / g.inverse_inertia[k])
             if ti.static(self.half_step):
                 if g.platen[k] < 0:
-                    h = -0.5 * self.dt[None]
+                    h = -0.5 * self.last_time()
                     force, torque, kick, twist = self.forces.gathered(k)
                     g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * h)
                     if ti.static(self.tumbles):

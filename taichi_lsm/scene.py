@@ -134,6 +134,9 @@ class Scene:
             same = [e.name for e in self.effects if e.role == role]
             if len(same) > 1:
                 raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
+        lossy = [e.name for e in self.effects if e.dissipates]
+        if self.integrator.conservative and lossy:
+            raise InputError(f"Scene.integrator: {self.integrator.__name__} is for scenes without losses, not {lossy}")
         self.bonds = checked_bonds(self.bonds, self.effects, n)
         for effect in self.effects:
             effect.check(self)

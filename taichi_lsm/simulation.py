@@ -68,7 +68,7 @@ class Simulation:
         self.step = 0
         self.rebuilds = 0
         self.launches = 0
-        self._folder = self.sentinel = None
+        self._folder = self.sentinel = self.integrator = None
         self.seconds = {}  # by what the run was doing
         n = len(scene.position)
         together = n > SERIAL_LIMIT if scene.parallel is None else scene.parallel
@@ -182,7 +182,11 @@ class Simulation:
         )
         self.forces = ContactForces(geometry, self.domain, self.effects, self.walls, self.bonds)
         self.freed = FreedContacts(self.bonds, self.forces) if self.bonds else None
-        self.integrator = self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew)
+        former, self.integrator = self.integrator, self.scene.integrator(
+            self.forces, self.platens, self.skin, self._dt, self.crew
+        )
+        if former:
+            self.integrator.go_on_from(former)
         self.measure = Measure(self.forces, self.integrator)
         self.sentinel = Sentinel(self, self.sentinel)
 
