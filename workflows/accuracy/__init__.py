@@ -1,24 +1,26 @@
-"""Knobs that trade accuracy for time. Each module of this package measures some of them, error and cost.
+"""Choices that trade accuracy for time, and the trials that measure both.
 
-A module defines `KNOBS` {name: title} and `measure(params, report=None)` -> list of Trials, to be called in a process
-of its own, beside which nothing else runs: its costs are processor times. Errors are taken against a reference that
-the same call computes with the most accurate setting, or against a closed form.
+A module of this package has functions that measure some knobs and return Trials. Each is called in a process of its
+own, beside which nothing else runs where costs are timed: costs are processor times, taken in turn, as medians. Errors
+are taken against a closed form, or against a reference that the same call computes with the most accurate setting.
 """
 
 import time
-from contextlib import contextmanager
 from dataclasses import dataclass
+
+import numpy as np
+
+import taichi_lsm as lsm
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One measurement of one setting.
+    """One measurement of one setting of a knob.
 
-    knob, setting: names; value: number of the setting on an axis, e.g. steps per contact; quantity: what the error is
-    of, e.g. "energy drift"; replica: which of several measurements; error [in the unit of the quantity]: absolute
-    deviation from the reference; reference: what it is taken from; cost [s]: processor time for one grain and one unit
-    of the time scale of the module, which cancels in `relative`; relative [1]: cost over that of our own discs or
-    spheres at the default settings, timed in turn with it.
+    knob, setting: names; value: the setting as a number on an axis; quantity: what the error is of; replica: which of
+    several measurements; error [in the unit of the quantity]: absolute deviation from the reference, or a standard
+    error; cost [s]: processor time that one grain takes for one unit of the physical time of the experiment; relative
+    [1]: that over the cost of our own discs at the default settings.
     """
 
     knob: str
@@ -27,22 +29,38 @@ class Trial:
     quantity: str
     replica: int
     error: float
-    reference: float
     cost: float
     relative: float
 
 
-class Clock:
-    """Processor seconds of blocks."""
+def seconds_per_step(sims, steps, turns):
+    """Processor seconds for one grain and step of each simulation of `sims` {name: simulation}, in turn, as medians."""
+    taken = {name: [] for name in sims}
+    for turn in range(turns + 1):
+        for name, sim in sims.items():
+            began = time.process_time()
+            sim.run(steps)
+            if turn:  # the first one warms up
+                taken[name].append((time.process_time() - began) / steps / len(sim))
+    return {name: float(np.median(times)) for name, times in taken.items()}
 
-    def __init__(self):
-        self.seconds = 0.0
 
-    @contextmanager
-    def running(self):
-        """Add the processor time of the block, all threads together."""
-        began = time.process_time()
-        try:
-            yield
-        finally:
-            self.seconds += time.process_time() - began
+def order(values, errors):
+    """Order p of errors that fall as values^-p, from the slope of the logarithms."""
+    return float(-np.polyfit(np.log(values), np.log(errors), 1)[0])
+
+
+def scene_of(position, effects, **more):
+    """Scene of discs of 1 m at `position` (n, dim) [m] in open space, unless told otherwise."""
+    position = np.asarray(position, float)
+    n, dim = position.shape
+    usual = {
+        "dim": dim,
+        "lengths": (np.inf,) * dim,
+        "periodic": (False,) * dim,
+        "shapes": [lsm.disc() if dim == 2 else lsm.sphere()],
+        "shape": np.zeros(n, int),
+        "scale": np.ones(n),
+        "density": 1000.0,
+    }
+    return lsm.Scene(position=position, effects=effects, **usual | more)

@@ -1,0 +1,105 @@
+"""Integrators, time steps, precision, skin and list capacity, by a gas of 225 grains of about 30 arcs, and of discs."""
+
+import time
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows import energy_conservation
+from workflows.accuracy import Trial, seconds_per_step
+from workflows.accuracy.collisions import CLASSES
+
+LEVELS = (12, 24, 48, 96, 192)  # steps per contact
+GROUPS = {  # schemes whose simulations fit into one process
+    "first": ("explicit_euler", "symplectic_euler", "velocity_verlet", "onset_verlet"),
+    "second": ("onset_verlet", "forest_ruth"),
+}
+DISC = 0.93  # diameter of the discs, in places of their lattice
+LIMIT = 0.5  # of the energy of the start: a gas that has changed by so much is not followed any further
+SKINS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.6)  # in diameters
+ROOMS = (0.05, 0.3, 1.0, 3.0)  # pairs that a list has room for at the start, over those that it comes to hold
+
+
+def gas(params, scheme, per_contact, seed, body="arcs", dt=None):
+    """The elastic gas of `energy_conservation`, of arcs, or of as many equal discs on a lattice of the same cell."""
+    of_gas = energy_conservation.Params(seed=seed)
+    known = scheme if scheme in energy_conservation.SCHEMES else "onset_verlet"
+    scene = energy_conservation.build(of_gas, params.gas_grains, seed, per_contact, known)
+    scene.integrator = getattr(lsm, CLASSES[scheme])
+    scene.guards = lsm.Guards(energy=None, step=None)
+    if body == "discs":
+        rows = round(np.sqrt(params.gas_grains))
+        place = np.stack(np.divmod(np.arange(params.gas_grains), rows), axis=1) + 0.5
+        jitter = np.random.default_rng(seed).uniform(-0.02, 0.02, place.shape)
+        scene.position = (place + jitter) * scene.lengths[0] / rows
+        scene.shapes, scene.shape = [lsm.disc()], np.zeros(params.gas_grains, np.int32)
+        scene.scale = np.full(params.gas_grains, DISC * scene.lengths[0] / rows)
+    if dt == "default":
+        scene.dt = None
+    return scene
+
+
+def drift(sim, contacts, per_contact, samples=60):
+    """Greatest relative error of the energy over so many contact times; infinite for a gas that is lost."""
+    start, worst = lsm.energies(sim).balance, 0.0
+    chunk = max(3, 3 * round(contacts * per_contact / samples / 3))
+    for _ in range(samples):
+        try:
+            sim.run(chunk)
+        except lsm.SimulationError:
+            return np.inf
+        worst = max(worst, abs(lsm.energies(sim).balance / start - 1.0))
+        if not worst < LIMIT:
+            break
+    return worst
+
+
+def reference(params):
+    """(simulation of the gas of discs at the default settings, its steps per contact)."""
+    scene = gas(params, "onset_verlet", 48, params.seed, "discs", dt="default")
+    sim = lsm.Simulation(scene, precision=params.precision)
+    return sim, gas(params, "onset_verlet", 1, params.seed, "discs").dt / sim.dt
+
+
+def measure_gas(params, group):
+    """Trials of the schemes of a group: energy drift of the gas of arcs against steps per contact."""
+    discs, usual = reference(params)
+    sims = {"discs": discs}
+    for scheme in GROUPS[group]:
+        sims[scheme] = lsm.Simulation(gas(params, scheme, 200, params.seed), precision=params.precision)
+    cost = seconds_per_step(sims, 3 * params.timed_steps // 3, params.turns)
+    trials = []
+    for scheme in GROUPS[group]:
+        for n in LEVELS:
+            for replica in range(params.replicas):
+                sims[scheme].load(gas(params, scheme, n, params.seed + replica))
+                error = drift(sims[scheme], params.contacts, n)
+                knob = scheme if params.precision == "f64" else f"{scheme}, f32"
+                relative = cost[scheme] * n / (cost["discs"] * usual)
+                where = (knob, f"{n} steps per contact", n, "energy drift of a gas", replica)
+                trials.append(Trial(*where, error, cost[scheme] * n, relative))
+    return trials
+
+
+def measure_lists(params):
+    """Trials of skin and list capacity: whether any position differs, and what they cost, by the gas of discs."""
+    trials, ways = [], {}
+    sim, usual = reference(params)
+    scenes = {skin: gas(params, "onset_verlet", 48, params.seed, "discs") for skin in SKINS}
+    for skin, scene in scenes.items():
+        scene.skin = skin * float(np.mean(scene.scale))
+    taken = {skin: [] for skin in SKINS}
+    for turn in range(params.turns + 1):
+        for skin, scene in scenes.items():
+            sim.load(scene)
+            began = time.process_time()
+            sim.run(params.timed_steps)
+            if turn:
+                taken[skin].append((time.process_time() - began) / params.timed_steps / len(sim))
+            ways[skin] = sim.state.position.to_numpy()
+    default = float(np.median(taken[0.07]))
+    for skin in SKINS:
+        error, cost = float(np.abs(ways[skin] - ways[0.07]).max()), float(np.median(taken[skin]))
+        where = ("skin", f"{skin:g} d", skin, "difference of positions", 0)
+        trials.append(Trial(*where, error, cost * usual, cost / default))
+    return trials
