@@ -138,11 +138,11 @@ def shear(params, kind, elements, out):
     scene.shape = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
     dataset = shear_gouge.simulate(scene, of_run, out, None)
     figures = shear_gouge.analyse(dataset, of_run)
-    rate = _rate(out)
+    rate = rate_of(out)
     return figures["friction_mean"].value, figures["friction_se"].value, 1.0 / rate
 
 
-def _rate(out):
+def rate_of(out):
     """Grains times steps per second of the run in the folder `out`."""
     return json.loads((Path(out) / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
 

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
 from workflows import plots
+from workflows.gouge_grains import breakable_grains, loose_grains, turned
 from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
@@ -20,11 +21,9 @@ from workflows.summary import Figure, write_summary
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 PACKED = {2: 0.80, 3: 0.59}  # filled part of a consolidated layer, to choose the number of grains
-AGGREGATES = 24  # different breakable grains in a layer, at most
 BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
-SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
@@ -140,7 +139,7 @@ def build(params) -> "lsm.Scene":
     area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
     one = lsm.disc() if dim == 2 else lsm.sphere()
     count = p.grains or round(PACKED[dim] * thickness * float(np.prod(lengths)) / (one.measure * d**dim))
-    make = _breakable_grains if p.breakable else _grains
+    make = breakable_grains if p.breakable else loose_grains
     shapes, shape, loose, scale, turns, top, bonds = make(p, rng, count, lengths, [one])
 
     platens = [lsm.rough_platen(rng, p.smallest_diameter, p.largest_diameter, lengths, dim) for _ in range(2)]
@@ -169,7 +168,7 @@ def build(params) -> "lsm.Scene":
         shape=np.concatenate([shape, np.zeros(len(glued), int)]),
         position=position,
         scale=scene_size,
-        **_turned(turns, len(glued)),
+        **turned(turns, len(glued)),
         density=p.density,
         platen=np.concatenate([np.full(len(scale), -1), glued]),
         platens=[
@@ -206,46 +205,6 @@ def _bond(p):
         friction_angle=BOND_ANGLE,
         radius_ratio=BOND_WIDTH,
     )
-
-
-def _grains(p, rng, count, lengths, shapes):
-    """(shapes, row of each grain, places, diameters, orientations, upper border, no bonds) of a loose packing."""
-    if p.shape == "angular":
-        angular = lsm.random_angular_shapes if p.dim == 2 else lsm.random_angular_polyhedra
-        shapes = shapes + angular(min(count, SHAPES[p.dim]), p.seed, p.corner_radius)
-    scale = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
-    shape = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
-    reach = np.array([s.bounding_radius for s in shapes])[shape] * scale
-    loose = lsm.loose_packing(rng, reach, lengths, p.dim)
-    turns = lsm.random_rotations(rng, count, p.dim)
-    return shapes, shape, loose, scale, turns, (loose[:, 1] + reach).max(), None
-
-
-def _breakable_grains(p, rng, count, lengths, shapes):
-    """As `_grains`, of the pieces of `count` breakable grains (2D), with the bonds between them."""
-    whole = [lsm.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius) for i in range(min(count, AGGREGATES))]
-    size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
-    kind = rng.integers(0, len(whole), count)
-    reach = np.array([grain.reach for grain in whole])[kind] * size
-    middle = lsm.loose_packing(rng, reach, lengths, p.dim)
-    turns = lsm.random_rotations(rng, count, p.dim)
-    c, s = np.cos(turns), np.sin(turns)
-    turn = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
-    arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
-    loose = middle[:, None] + np.einsum("nab,npb->npa", turn, arms)
-    scale = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
-    shape = len(shapes) + kind[:, None] * p.pieces + np.arange(p.pieces)
-    bonds = np.concatenate([whole[k].pairs + i * p.pieces for i, k in enumerate(kind)])
-    shapes = shapes + [piece for grain in whole for piece in grain.shapes]
-    turns, top = np.repeat(turns, p.pieces), (middle[:, 1] + reach).max()
-    return shapes, shape.ravel(), loose.reshape(-1, 2), scale.ravel(), turns, top, bonds
-
-
-def _turned(turns, glued):
-    """Orientations of the mobile grains as given, of the glued ones none, by the name that `Scene` uses."""
-    if turns.ndim == 1:
-        return {"angle": np.concatenate([turns, np.zeros(glued)])}
-    return {"orientation": np.concatenate([turns, np.tile([1.0, 0.0, 0.0, 0.0], (glued, 1))])}
 
 
 def _driven(p, velocity, inertia):

@@ -1,0 +1,102 @@
+"""Shapes: patches and discs per grain and corner radius, by outline, impact and sheared layer (2D)."""
+
+import tempfile
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows import shape_roughness, shear_gouge
+from workflows.accuracy import Trial, scene_of
+
+PATCHES = (12, 18, 30, 60, 120)  # per grain
+DISCS = (12, 18, 30, 60)  # per clump
+CORNERS = (0.2, 0.1, 0.05, 0.03)  # radius, in diameters
+SHARPEST = 0.02
+STIFFNESS = 1e7  # [N m-1], of impacts
+SPEED = 1.0  # [m s-1], of impacts
+MOST_PATCHES = 300
+
+
+def polygons(params, corner_radius=0.05):
+    """What `shape_roughness` compares: its parameters, with this corner radius."""
+    return shape_roughness.Params(seed=params.seed, corner_radius=corner_radius)
+
+
+def layer_cost(params, shapes):
+    """(seconds for one grain and step, step over the inertial time, friction) of a sheared layer of these shapes."""
+    of_run = shear_gouge.Params(shape="angular", seed=params.seed, **params.shape_layer)
+    scene = shear_gouge.build(of_run)
+    mobile = scene.platen < 0
+    scene.shapes = [scene.shapes[0], *shapes]
+    scene.shape = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
+    with tempfile.TemporaryDirectory() as out:
+        dataset = shear_gouge.simulate(scene, of_run, out)
+        friction = shear_gouge.analyse(dataset, of_run)["friction_mean"].value
+        return 1.0 / shape_roughness.rate_of(out), float(dataset.dt) / of_run.inertial_time, friction
+
+
+def shapes_of(params, kind, count):
+    """(shapes, shape error in diameters) of "patches", "discs" (per clump), "corner" (radius) or "round"."""
+    if kind == "round":
+        return [lsm.disc()], np.nan
+    if kind == "corner":
+        shapes, *_ = shape_roughness.shapes_of(polygons(params, count), "patches", 30)
+        vertices, sharp = shape_roughness.polygons(polygons(params, SHARPEST))[0]
+        rounded = shape_roughness.patch_shape(vertices, 30, count)
+        return shapes, shape_roughness.deviation(rounded.outline(4000), sharp)[0]
+    shapes, error, _ = shape_roughness.shapes_of(polygons(params), "clump" if kind == "discs" else kind, count)
+    return shapes, error
+
+
+def measure_layer(params, kind, count):
+    """(shape error, seconds for one grain and step, step over inertial time, friction) of one kind of grain."""
+    shapes, error = shapes_of(params, kind, count)
+    return error, *layer_cost(params, shapes)
+
+
+def trials_of(rows):
+    """Trials from {(kind, count): what `measure_layer` gave}, with ("round", 0) for the discs."""
+    _, seconds, step, _ = rows["round", 0]
+    usual = seconds / step
+    trials = []
+    names = {"patches": "patches", "discs": "discs of a clump", "corner": "corner radius"}
+    for (kind, count), (error, taken, dt, _) in rows.items():
+        if kind in names:
+            where = (names[kind], f"{count:g}", count, "shape error", 0)
+            trials.append(Trial(*where, error, taken / dt, taken / dt / usual))
+    return trials
+
+
+def impact(shapes, pair, angles):
+    """Two grains, of the rows `pair` of `shapes`, turned by `angles` [rad], that meet off their axis."""
+    velocity = 0.5 * SPEED * np.array([(1.0, 0.0), (-1.0, 0.0)])
+    more = {"shapes": shapes, "shape": pair, "angle": angles, "velocity": velocity, "safety": 0.1}
+    return scene_of([(0.0, 0.0), (1.3, 0.25)], [lsm.LinearElastic(STIFFNESS)], **more)
+
+
+def measure_impacts(params):
+    """Trials of the motion after impacts of ellipses of more and more patches, without costs.
+
+    Of polygons it would not converge: with more patches their sides become flatter, and where two flat sides touch
+    depends on that and not on the outline.
+    """
+    trials, results, sim = [], {}, None
+    rng = np.random.default_rng(params.seed)
+    turns = rng.uniform(0.0, 6.0, (params.impacts, 2))
+    for count in (MOST_PATCHES, *PATCHES):
+        shapes, ends = [lsm.ellipse(1.5, count)], []
+        for angles in turns:
+            scene = impact(shapes, np.array([0, 0]), angles)
+            if sim is None:
+                sim = lsm.Simulation(scene)
+            else:
+                sim.load(scene)
+            sim.run(int(0.8 / (SPEED * sim.dt)))
+            ends.append(np.concatenate([sim.state.velocity.to_numpy().ravel(), sim.state.spin.to_numpy().ravel()]))
+        results[count] = np.array(ends)
+    for count in PATCHES:
+        off = (results[count] - results[MOST_PATCHES]) / SPEED
+        error = float(np.sqrt((off**2).sum(axis=1).mean()))
+        where = ("patches", f"{count}", count, "motion after an impact of ellipses", 0)
+        trials.append(Trial(*where, error, np.nan, np.nan))
+    return trials
