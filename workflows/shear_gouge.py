@@ -58,6 +58,9 @@ class Params(BaseParams):
     restitution: float = Field(0.5, ge=0.01, le=1, description="restitution of a normal impact [1]")
     stiffness_number: float = Field(1000.0, ge=100, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]")
     inertial_number: float = Field(1e-3, gt=0, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    platen_diameter: float = Field(
+        1.0, ge=0.3, le=3.0, description="grains of the platens over mobile ones: the roughness of the walls [1]"
+    )
     corner_radius: float = Field(0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
     breakable: bool = Field(False, description="angular grains are bonded pieces that can break, 2D only")
     pieces: int = Field(7, ge=2, le=40, description="pieces of a breakable grain [1]")
@@ -73,6 +76,12 @@ class Params(BaseParams):
         [],
         description="laws beside elasticity, damping and friction, or in place of those of the same kind: tables with "
         "law = NAME and its parameters in SI units, see lsm list --effects",
+    )
+    target_error: float | None = Field(
+        None,
+        gt=0,
+        description="half-width of the 95 % interval that the mean friction shall have; sets strain, seeds and step; "
+        "none: as given [1]",
     )
     step_safety: float = Field(0.4, gt=0, le=0.8, description="time step over the largest stable one [1]")
 
@@ -142,7 +151,8 @@ def build(params) -> "lsm.Scene":
     make = breakable_grains if p.breakable else loose_grains
     shapes, shape, loose, scale, turns, top, bonds = make(p, rng, count, lengths, [one])
 
-    platens = [lsm.rough_platen(rng, p.smallest_diameter, p.largest_diameter, lengths, dim) for _ in range(2)]
+    smallest, largest = p.platen_diameter * p.smallest_diameter, p.platen_diameter * p.largest_diameter
+    platens = [lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2)]
     (low, low_size), (high, high_size) = platens
     low[:, 1] -= (low[:, 1] + 0.5 * low_size).max()
     high[:, 1] += top - (high[:, 1] - 0.5 * high_size).min()
@@ -257,7 +267,14 @@ def shear(sim, layer, recorder, params, report):
 
 
 def run(params, out, progress=None):
-    """Run the experiment; writes run.nc, grains.nc, run.png and summary.json to `out`, returns run.nc."""
+    """Run the experiment; writes run.nc, grains.nc, run.png and summary.json to `out`, returns run.nc.
+
+    With a target error it makes as many runs as that needs, in `out`/runs, and returns target.nc.
+    """
+    if params.target_error is not None:
+        from workflows.target_runs import run_to_target  # it makes runs of this workflow
+
+        return run_to_target(params, out, progress)
     return simulate(build(params), params, out, progress)
 
 

@@ -1,0 +1,65 @@
+"""What the trials say: curves of error against cost, their orders, and what ten times less error costs."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+LEAST_SLOPE = 0.1  # of the logarithms: a curve that falls more slowly does not reach a smaller error
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line of a work-precision diagram: root mean square errors, with standard errors, over relative costs."""
+
+    knob: str
+    quantity: str
+    value: np.ndarray
+    setting: list
+    error: np.ndarray
+    error_se: np.ndarray
+    relative: np.ndarray
+
+    def order(self):
+        """p of error ~ value^-p; nan for fewer than two points with an error."""
+        known = np.isfinite(self.error) & (self.error > 0.0)
+        if known.sum() < 2:
+            return math.nan
+        return float(-np.polyfit(np.log(self.value[known]), np.log(self.error[known]), 1)[0])
+
+    def slope(self):
+        """q of error ~ cost^-q."""
+        known = np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
+        if known.sum() < 2 or np.ptp(np.log(self.relative[known])) == 0.0:
+            return math.nan
+        return float(-np.polyfit(np.log(self.relative[known]), np.log(self.error[known]), 1)[0])
+
+    def tenfold(self):
+        """Factor of time for ten times less error; infinite if more time does not help."""
+        slope = self.slope()
+        return 10.0 ** (1.0 / slope) if slope > LEAST_SLOPE else math.inf
+
+    def cost_at(self, error):
+        """Relative cost at which the fitted line reaches the error."""
+        known = np.isfinite(self.error) & (self.error > 0.0)
+        q, offset = np.polyfit(np.log(self.relative[known]), np.log(self.error[known]), 1)
+        return float(np.exp((np.log(error) - offset) / q)) if -q > LEAST_SLOPE else math.inf
+
+
+def curves(trials):
+    """{(knob, quantity): Curve} with the settings in rising value."""
+    found = {}
+    for key in dict.fromkeys((t.knob, t.quantity) for t in trials):
+        own = [t for t in trials if (t.knob, t.quantity) == key]
+        values = sorted({t.value for t in own})
+        rows = []
+        for value in values:
+            errors = np.array([t.error for t in own if t.value == value])
+            one = next(t for t in own if t.value == value)
+            rms = float(np.sqrt(np.mean(errors**2)))
+            scatter = float(np.std(errors, ddof=1) / np.sqrt(len(errors))) if len(errors) > 1 else math.nan
+            rows.append((value, one.setting, rms, scatter, one.relative))
+        value, setting, error, error_se, relative = zip(*rows)
+        numbers = (np.array(column, float) for column in (error, error_se, relative))
+        found[key] = Curve(*key, np.array(value, float), list(setting), *numbers)
+    return found

@@ -1,0 +1,189 @@
+"""Physical choices of a sheared layer: stiffness and inertial number, size, step, strain and seeds, by its friction."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows import shear_gouge
+from workflows.accuracy import Trial
+from workflows.replicas import run_replicas
+
+KNOBS = {  # settings; the last one is the reference
+    "stiffness_number": (300.0, 1000.0, 3000.0, 10_000.0),
+    "inertial_number": (1e-2, 5e-3, 2.5e-3, 1.25e-3),
+    "layer_thickness": (8.0, 12.0, 18.0, 27.0),
+    "length": (8.0, 14.0, 21.0, 30.0),
+    "step_safety": (0.8, 0.4, 0.2, 0.1),
+    "platen_diameter": (0.5, 1.0, 1.5, 2.0),
+}
+WINDOWS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # strains over which friction is averaged
+QUANTITIES = ("friction", "dilation", "coordination", "stress fluctuation")
+
+
+def layer(params, shape, seed, **changes):
+    """Parameters of one run."""
+    return shear_gouge.Params(**params.layer | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
+
+
+def jobs_of(params, shape, knobs, out):
+    """{(knob, setting, seed): job} of all runs; settings that are those of the base layer share its runs."""
+    base = layer(params, shape, params.seed)
+    jobs = {}
+    for knob in knobs:
+        for setting in KNOBS[knob][: params.most_settings]:
+            same = getattr(base, knob) == setting
+            for seed in range(params.seed, params.seed + params.seeds):
+                label = f"{shape}-base-{seed}" if same else f"{shape}-{knob}-{setting:g}-{seed}"
+                changes = {} if same else {knob: setting}
+                of_run = layer(params, shape, seed, **changes)
+                jobs[knob, setting, seed] = (label, shear_gouge.__name__, of_run, Path(out) / label)
+    return jobs
+
+
+def measured(folder, of_run):
+    """{quantity: value of a run}, with its standard error of friction and its cost: seconds for a grain and strain."""
+    dataset = lsm.open_run(folder / "run.nc")
+    sheared = dataset.isel(time=dataset.stage.values == 2)
+    steady = sheared.isel(time=sheared.shear_strain.values >= of_run.steady_from)
+    friction = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, of_run.steady_from)
+    begin = float(dataset.layer_thickness.values[dataset.stage.values < 2][-1])
+    rate = json.loads((folder / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
+    steps = (float(sheared.time[-1]) - float(sheared.time[0])) / dataset.dt / float(sheared.shear_strain[-1])
+    return {
+        "friction": friction.mean,
+        "friction_se": friction.standard_error,
+        "dilation": float(steady.layer_thickness.mean()) / begin - 1.0,
+        "coordination": float(steady.coordination_number.mean()),
+        "stress fluctuation": float(steady.shear_stress.std() / steady.normal_stress.mean()),
+        "cost": steps / rate,
+    }
+
+
+def measure_knobs(params, shape, knobs, out, usual, progress=None):
+    """(trials, {(knob, setting, seed): measured}, usual) of these knobs; usual [s]: cost of the layer of discs, None if
+    it is to be found here."""
+    jobs = jobs_of(params, shape, knobs, out)
+    unique = {job[0]: job for job in jobs.values()}
+    run_replicas(list(unique.values()), 2, progress)
+    found = {key: measured(Path(job[3]), job[2]) for key, job in jobs.items()}
+    base = layer(params, shape, params.seed)
+    if usual is None:
+        usual = float(np.median([m["cost"] for (knob, s, _), m in found.items() if s == getattr(base, knob)]))
+    trials = []
+    for knob in knobs:
+        settings = KNOBS[knob][: params.most_settings]
+        for quantity in QUANTITIES:
+            of_last = [found[knob, settings[-1], seed][quantity] for seed in seeds_of(params)]
+            for setting in settings:
+                own = [found[knob, setting, seed] for seed in seeds_of(params)]
+                cost = float(np.median([m["cost"] for m in own]))
+                for replica, run in enumerate(own):
+                    error = abs(run[quantity] - float(np.mean(of_last)))
+                    where = (f"{knob}, {shape}", f"{setting:g}", setting, quantity, replica)
+                    trials.append(Trial(*where, error, cost, cost / usual))
+    return trials, found, usual
+
+
+def seeds_of(params):
+    """Seeds of the replicas."""
+    return range(params.seed, params.seed + params.seeds)
+
+
+def frictions(folder, steady_from):
+    """(strain, friction) of the rows of steady shear of a run."""
+    dataset = lsm.open_run(Path(folder) / "run.nc")
+    sheared = dataset.isel(time=dataset.stage.values == 2)
+    chosen = sheared.shear_strain.values >= steady_from
+    return sheared.shear_strain.values[chosen], sheared.friction.values[chosen]
+
+
+def window_means(series, width):
+    """Means (k,) of friction over consecutive windows of this strain in each of several runs, as a list of arrays."""
+    means = []
+    for strain, friction in series:
+        number = ((strain - strain[0]) / width).astype(int)
+        whole = range(int((strain[-1] - strain[0]) / width + 1e-9))
+        means.append(np.array([friction[number == i].mean() for i in whole]))
+    return means
+
+
+def spread(series):
+    """{strain: variance of the mean friction over a window of that strain}, of windows that fit twice into a run.
+
+    The variance is about the mean of all runs: differences between seeds that no strain averages out are part of it.
+    """
+    grand = float(np.mean([friction.mean() for _, friction in series]))
+    found = {}
+    for width in WINDOWS:
+        means = np.concatenate(window_means(series, width))
+        if len(means) >= 2 * len(series):
+            found[width] = float(np.mean((means - grand) ** 2))
+    return found
+
+
+def variance_law(series):
+    """(variance between seeds b2, variance times strain a) so that a window of strain L has the variance b2 + a/L."""
+    found = spread(series)
+    width, variance = np.array(list(found)), np.array(list(found.values()))
+    weight = np.sqrt(width) / variance  # of long windows there are few
+    design = np.stack([np.ones_like(width), 1.0 / width], axis=1)
+    from scipy.optimize import nnls  # imported when needed: `lsm --help` must answer at once
+
+    (between, within), _ = nnls(design * weight[:, None], variance * weight)
+    return float(between), float(within)
+
+
+def measure_strain(params, shape, out, usual):
+    """(trials of strain and seeds, row of the table for target errors) from long runs of the base layer.
+
+    Errors are deviations of window means from the mean of all runs; windows of a run follow each other without a gap.
+    """
+    base = {seed: layer(params, shape, seed, strain=params.long_strain) for seed in seeds_of(params)}
+    jobs = [(f"{shape}-long-{s}", shear_gouge.__name__, p, Path(out) / f"{shape}-long-{s}") for s, p in base.items()]
+    folders = run_replicas(jobs, 2)
+    of_run = base[params.seed]
+    series = [frictions(folder, of_run.steady_from) for folder in folders]
+    found = [measured(folder, of_run) for folder in folders]
+    cost = float(np.median([m["cost"] for m in found]))
+    grand = float(np.mean([friction.mean() for _, friction in series]))
+    trials, quantity = [], "statistical error of friction"
+    for width in spread(series):
+        for replica, means in enumerate(window_means(series, width)):
+            error = float(np.sqrt(np.mean((means - grand) ** 2)))
+            where = (f"strain, {shape}", f"{width:g}", width, quantity, replica)
+            trials.append(Trial(*where, error, cost * width, cost * width / usual))
+    at_once = np.stack([means for means in window_means(series, 1.0)])  # (run, window)
+    for count in (1, 2, 3, 6, 12):
+        for replica in range(len(at_once) // count):
+            together = at_once[replica * count : (replica + 1) * count].mean(axis=0)
+            error = float(np.sqrt(np.mean((together - grand) ** 2)))
+            where = (f"seeds, {shape}", f"{count}", count, quantity, replica)
+            trials.append(Trial(*where, error, cost * count, cost * count / usual))
+    return trials, row_of_table(of_run, folders, series, cost)
+
+
+def row_of_table(of_run, folders, series, cost):
+    """What target errors are planned from: variances and times of the layer `of_run`."""
+    between, within = variance_law(series)
+    thickness, lengths = of_run.layer
+    area = thickness * np.prod(lengths) / of_run.diameter ** (1 + len(lengths))
+    dataset = lsm.open_run(folders[0] / "grains.nc")
+    grains = int((dataset.kind.values == 0).sum())
+    seconds = [json.loads((f / "summary.json").read_text())["figures"]["seconds"]["value"] for f in folders]
+    return {
+        "shape": of_run.shape,
+        "dim": of_run.dim,
+        "stiffness_number": of_run.stiffness_number,
+        "inertial_number": of_run.inertial_number,
+        "area": float(area),
+        "grains_per_area": grains / float(area),
+        "between_seeds": between,
+        "times_strain": within,
+        "bias_of_step": 0.0,
+        "seconds_per_grain_strain": cost,
+        "start_seconds": max(1.0, float(np.median(seconds)) - cost * len(dataset.grain) * of_run.strain),
+        "runs": len(folders),
+        "strain": of_run.strain,
+    }

@@ -1,0 +1,52 @@
+"""accuracy.nc: errors and costs of all trials, by quantity, knob, setting and replica."""
+
+import os
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+import taichi_lsm as lsm
+
+VARIABLES = {
+    "value": (("knob", "setting"), "1", "setting as a number, in the unit of the knob"),
+    "error": (("quantity", "knob", "setting", "replica"), "1", "deviation from the reference, or standard error"),
+    "cost": (("quantity", "knob", "setting"), "s", "processor time of one grain for one unit of physical time"),
+    "relative_cost": (("quantity", "knob", "setting"), "1", "cost over that of discs at the default settings"),
+}
+
+
+def write_trials(path, trials, attributes):
+    """Write the trials to the NetCDF file `path`, which appears whole or not at all; returns it opened. Combinations
+    that were not measured are NaN."""
+    import xarray
+
+    names = {name: list(dict.fromkeys(getattr(t, name) for t in trials)) for name in ("quantity", "knob")}
+    settings = {knob: sorted({t.value for t in trials if t.knob == knob}) for knob in names["knob"]}
+    labels = {(t.knob, t.value): t.setting for t in trials}
+    sizes = {name: len(texts) for name, texts in names.items()}
+    sizes["setting"] = max(len(values) for values in settings.values())
+    sizes["replica"] = 1 + max(t.replica for t in trials)
+    arrays = {name: np.full([sizes[d] for d in dims], np.nan) for name, (dims, _, _) in VARIABLES.items()}
+    texts = np.full((sizes["knob"], sizes["setting"]), "", dtype=object)
+    for t in trials:
+        q, k = names["quantity"].index(t.quantity), names["knob"].index(t.knob)
+        s = settings[t.knob].index(t.value)
+        texts[k, s], arrays["value"][k, s] = labels[t.knob, t.value], t.value
+        arrays["error"][q, k, s, t.replica] = t.error
+        arrays["cost"][q, k, s], arrays["relative_cost"][q, k, s] = t.cost, t.relative
+    data = {
+        name: (dims, arrays[name], {"units": units, "long_name": long_name, "_FillValue": np.nan})
+        for name, (dims, units, long_name) in VARIABLES.items()
+    }
+    coordinates = {
+        f"{name}_name": ((name,), np.array(texts_of, dtype=object), {"long_name": f"name of the {name}"})
+        for name, texts_of in names.items()
+    }
+    coordinates["setting_name"] = (("knob", "setting"), texts, {"long_name": "name of the setting"})
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    dataset = xarray.Dataset(data, coordinates, attributes | {"run_status": "complete", "date_modified": now})
+    partial = Path(path).with_suffix(".partial")
+    dataset.to_netcdf(partial)
+    os.replace(partial, path)
+    return lsm.open_run(path)

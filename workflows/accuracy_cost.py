@@ -1,0 +1,223 @@
+"""What accuracy costs in time: error and cost of every choice that trades one for the other.
+
+Integrators and time steps, precision, law, neighbour skin; patches and discs per grain, corner radius; stiffness and
+inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to our own discs at the
+default settings, timed in turn with nothing else running.
+"""
+
+import json
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workflows.accuracy import collisions, gas, gouge, outlines
+from workflows.accuracy.curves import curves
+from workflows.accuracy.trials_file import write_trials
+from workflows.accuracy_figures import plot_summary, plot_work_precision
+from workflows.run_table import attributes_of
+from workflows.settings import Params as BaseParams
+from workflows.settings import to_toml
+from workflows.summary import Figure, write_summary
+
+Knob = Literal[
+    "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
+]
+
+
+class Params(BaseParams):
+    """How much is measured."""
+
+    phases: int = Field(64, ge=8, description="pairs of discs in a measurement of collisions, by phase of the step [1]")
+    replicas: int = Field(4, ge=2, description="measurements of each collision and gas [1]")
+    gas_grains: int = Field(225, ge=16, description="grains of the gas, a square number [1]")
+    contacts: float = Field(100.0, gt=0, description="time that the gas is followed [contact durations]")
+    timed_steps: int = Field(3000, ge=30, description="steps that are timed at once [1]")
+    turns: int = Field(5, ge=1, description="times that each cost is measured, in turn [1]")
+    impacts: int = Field(48, ge=4, description="impacts of ellipses, each turned otherwise [1]")
+    patches: list[int] = Field([12, 18, 30, 60, 120], description="patches per grain [1]")
+    discs: list[int] = Field([12, 30, 60], description="discs per clump [1]")
+    corners: list[float] = Field([0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]")
+    shapes: list[Literal["sphere", "angular"]] = Field(["sphere", "angular"], description="grains of the layers")
+    knobs: list[Knob] = Field(list(gouge.KNOBS), description="physical choices to measure")
+    most_settings: int = Field(4, ge=2, le=4, description="settings of each physical choice [1]")
+    seeds: int = Field(6, ge=2, description="runs of each setting of a layer [1]")
+    strain: float = Field(5.0, gt=1.2, description="shear strain of the layers [1]")
+    long_strain: float = Field(17.0, ge=0, description="strain of the runs that measure strain and seeds; 0: none [1]")
+    lists: bool = Field(True, description="measure the neighbour skin")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {
+            "phases": 16,
+            "replicas": 2,
+            "contacts": 10.0,
+            "timed_steps": 300,
+            "turns": 1,
+            "impacts": 4,
+            "patches": [12, 30],
+            "discs": [12],
+            "corners": [],
+            "shapes": ["sphere"],
+            "knobs": ["stiffness_number"],
+            "most_settings": 2,
+            "seeds": 2,
+            "strain": 1.5,
+            "long_strain": 0.0,
+            "lists": False,
+        },
+        "demo": {
+            "turns": 3,
+            "patches": [12, 30, 60],
+            "discs": [12, 30],
+            "corners": [],
+            "shapes": ["sphere"],
+            "knobs": ["stiffness_number"],
+            "most_settings": 3,
+            "seeds": 4,
+            "strain": 3.0,
+            "long_strain": 9.0,
+            "lists": False,
+        },
+        "standard": {},
+        "reference": {"seeds": 16, "long_strain": 41.0, "replicas": 16},
+    }
+
+    @property
+    def layer(self):
+        """The sheared layers."""
+        return {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}
+
+    @property
+    def shape_layer(self):
+        """The layers in which shapes are timed."""
+        return {"layer_thickness": 8.0, "length": 8.0, "inertial_number": 1e-2, "strain": 1.2}
+
+
+def alone(function, *arguments):
+    """What a function returns in a process of its own, beside which we do nothing."""
+    spawn = multiprocessing.get_context("spawn")  # Taichi is started once per process
+    with ProcessPoolExecutor(1, mp_context=spawn) as pool:
+        return pool.submit(function, *arguments).result()
+
+
+def numerical(params, report):
+    """Trials of integrators, steps, precision, law and skin."""
+    trials = []
+    for law in collisions.LAWS:
+        trials += alone(collisions.measure_collisions, params, law)
+        report("collisions", f"{law} law")
+    trials += alone(collisions.measure_rack, params)
+    report("rack", "ten discs")
+    of_gas = alone(gas.measure_gas, params, "first") + alone(gas.measure_gas, params, "second")
+    report("gas", f"{params.gas_grains} grains of arcs")
+    of_f32 = alone(gas.measure_gas, params.model_copy(update={"precision": "f32"}), "single")
+    usual = of_gas[0].cost / of_gas[0].relative
+    of_gas += [replace(t, relative=t.cost / usual) for t in of_f32]
+    report("gas", "f32")
+    per_step = {t.knob: t.relative / t.value for t in of_gas}
+    discs = {knob: rate / per_step["onset_verlet"] for knob, rate in per_step.items()}
+    default = alone(gas.default_steps_per_contact, params)
+    for i, t in enumerate(trials):  # collisions of discs: as many steps, and the scheme's cost of each
+        scheme = t.knob.split(",")[0]
+        trials[i] = replace(t, relative=t.value / default * discs[scheme])
+    if params.lists:
+        trials += alone(gas.measure_lists, params)
+        report("skin", "gas of discs")
+    return trials + of_gas
+
+
+def of_shapes(params, report):
+    """Trials of patches, discs per clump and corner radius."""
+    wanted = [("round", 0)] + [("patches", n) for n in params.patches] + [("discs", n) for n in params.discs]
+    wanted += [("corner", r) for r in params.corners]
+    rows = {}
+    for kind, count in wanted:
+        rows[kind, count] = alone(outlines.measure_layer, params, kind, count)
+        report("shapes", f"{kind} {count:g}")
+    trials = outlines.trials_of(rows)
+    relative = {t.value: t.relative for t in trials if t.knob == "patches"}
+    moved = alone(outlines.measure_impacts, params)
+    return trials + [replace(t, relative=relative.get(t.value, np.nan)) for t in moved if t.value in relative]
+
+
+def physical(params, out, report):
+    """(trials of the physical choices, rows of the table for target errors)."""
+    trials, rows, usual = [], [], None
+    for shape in params.shapes:
+        of_shape, found, usual = gouge.measure_knobs(params, shape, params.knobs, out / "runs", usual)
+        trials += of_shape
+        report("layers", f"{shape}, {', '.join(params.knobs)}")
+        if params.long_strain:
+            of_strain, row = gouge.measure_strain(params, shape, out / "runs", usual)
+            trials += of_strain
+            rows.append(row)
+            report("layers", f"{shape}, strain and seeds")
+    return trials, rows
+
+
+def analyse(trials):
+    """Figures of the trials."""
+    found = curves(trials)
+
+    def order(scheme, quantity):
+        return found[scheme, quantity].order()
+
+    after, during, drift = "energy after a collision", "energy during a collision", "energy drift of a gas"
+    explicit, symplectic = order("explicit_euler", drift), order("symplectic_euler", during)
+    verlet, onset = order("velocity_verlet", after), order("onset_verlet", after)
+    ours = found["onset_verlet", drift]
+    at = int(np.argmin(np.abs(ours.value - 48)))
+    seed = found["symplectic_euler", drift].cost_at(ours.error[at]) / ours.relative[at]
+    figures = {
+        "order_explicit_euler": Figure(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
+        "order_symplectic_euler": Figure(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
+        "order_verlet": Figure(verlet, "1", "2 within 0.2", abs(verlet - 2.0) <= 0.2),
+        "order_onset_verlet": Figure(onset, "1", "at least 3", onset >= 3.0),
+        "order_forest_ruth": Figure(order("forest_ruth", after), "1"),
+        "least_drift_explicit_euler": Figure(float(found["explicit_euler", drift].error.min()), "1"),
+        "cost_ratio_seed_scheme": Figure(seed, "1"),
+    }
+    patches, clumps = found.get(("patches", "shape error")), found.get(("discs of a clump", "shape error"))
+    if patches and clumps and 30 in patches.value and len(clumps.value) > 1:
+        chosen = list(patches.value).index(30)
+        ratio = clumps.cost_at(patches.error[chosen]) / patches.relative[chosen]
+        figures["cost_ratio_clumps"] = Figure(ratio, "1")
+    for (knob, quantity), curve in found.items():
+        if quantity in (drift, "shape error", "friction", "statistical error of friction"):
+            name = f"tenfold_{knob}_{quantity}".replace(", ", "_").replace(" ", "_")
+            figures[name] = Figure(curve.tenfold(), "1")
+    return figures
+
+
+def run(params, out, progress=None):
+    """Measure everything; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`, returns
+    accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned."""
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    began = time.perf_counter()
+
+    def report(label, state):
+        if progress:
+            progress({"label": label, "state": f"{state}, {time.perf_counter() - began:.0f} s"})
+
+    trials = numerical(params, report) + of_shapes(params, report)
+    of_layers, rows = physical(params, out, report)
+    trials += of_layers
+    attributes = attributes_of(params, np.nan, "Accuracy against cost", "Errors and costs of settings, by knob.")
+    table = write_trials(out / "accuracy.nc", trials, attributes)
+    if rows:
+        made_by = {"made_by": f"lsm accuracy-cost --preset {params.preset_name}", "rows": rows}
+        (out / "friction_errors.json").write_text(json.dumps(made_by, indent=2) + "\n", encoding="utf-8")
+    found = curves(trials)
+    plot_work_precision(out / "work_precision.png", found)
+    plot_summary(out / "tenfold.png", found)
+    figures = analyse(trials)
+    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    write_summary(out, "accuracy-cost", params.preset_name, figures, quiet=progress is None)
+    return table

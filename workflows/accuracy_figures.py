@@ -1,0 +1,97 @@
+"""The figures of accuracy against cost: work-precision diagrams, and what ten times less error costs."""
+
+import math
+
+import numpy as np
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+NAMES = {
+    "explicit_euler": "explicit Euler, as printed",
+    "symplectic_euler": "symplectic Euler",
+    "velocity_verlet": "velocity Verlet",
+    "onset_verlet": "Verlet with onset correction",
+    "forest_ruth": "Forest-Ruth, 4th order",
+}
+PANELS = (  # title, quantities
+    ("One collision of two discs", ("energy after a collision",)),
+    ("Gas of 225 grains of 30 arcs", ("energy drift of a gas",)),
+    ("Shape of the outline", ("shape error",)),
+    ("Motion after an impact of ellipses", ("motion after an impact of ellipses",)),
+    ("Friction: choices of the layer", ("friction",)),
+    ("Friction: strain and seeds", ("statistical error of friction",)),
+)
+LABELS = {"energy after a collision": "relative error of the energy", "energy drift of a gas": "relative energy drift"}
+SUMMARY = (
+    "energy after a collision",
+    "energy drift of a gas",
+    "shape error",
+    "friction",
+    "statistical error of friction",
+)
+WORST = 1e6  # factor of time that is drawn; what does not help at all is drawn as that
+
+
+def named(knob):
+    """A knob in words."""
+    first, _, rest = knob.partition(", ")
+    return NAMES.get(first, first.replace("_", " ")) + (f", {rest}" if rest else "")
+
+
+def plot_work_precision(path, found):
+    """Draw the curves {(knob, quantity): Curve}: error against cost, the slope written on each line."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(15, 9), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, (title, quantities) in zip(figure.subplots(2, 3).flat, PANELS, strict=True):
+        own = [curve for (_, quantity), curve in found.items() if quantity in quantities]
+        for colour, curve in zip(COLOURS * 3, own):
+            known = np.isfinite(curve.error) & (curve.error > 0.0) & np.isfinite(curve.relative)
+            if not known.any():
+                continue
+            slope = curve.slope()
+            text = named(curve.knob) + (f" ({slope:.1f})" if math.isfinite(slope) else "")
+            error = np.where(np.isfinite(curve.error_se), curve.error_se, 0.0)[known]
+            low = np.minimum(error, 0.7 * curve.error[known])
+            style = {"color": colour, "fmt": "o-", "ms": 4, "lw": 1.3, "capsize": 2, "label": text}
+            axes.errorbar(curve.relative[known], curve.error[known], yerr=(low, error), **style)
+        axes.set(xscale="log", yscale="log", title=title, xlabel="time over that of discs at default settings [1]")
+        axes.set_ylabel(LABELS.get(quantities[0], quantities[0]) + " [1]")
+        axes.grid(True, which="major", color="0.9")
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend(fontsize=7.5, frameon=False)
+    figure.suptitle("Error against time; in brackets the power of the time with which the error falls")
+    figure.savefig(path, dpi=120)
+
+
+def plot_summary(path, found):
+    """Draw tenfold.png: factor of time for ten times less error, knob by knob."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    chosen = [curve for curve in found.values() if curve.quantity in SUMMARY and math.isfinite(curve.slope())]
+    rows = [(curve.quantity, named(curve.knob), curve.tenfold()) for curve in chosen]
+    rows.sort(key=lambda row: (SUMMARY.index(row[0]), row[2]))
+    figure = Figure(figsize=(10, 1.2 + 0.3 * len(rows)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    for i, (quantity, _, factor) in enumerate(rows):
+        colour = COLOURS[SUMMARY.index(quantity)]
+        axes.barh(i, min(factor, WORST), color=colour, alpha=1.0 if factor < WORST else 0.25)
+        text = f" {factor:.2g} x" if factor < WORST else " more time does not help"
+        inside = min(factor, WORST) > 1e3
+        place = (min(factor, WORST) / 1.2, "right") if inside else (min(factor, WORST), "left")
+        axes.text(place[0], i, text.strip() if inside else text, va="center", ha=place[1], fontsize=8)
+    axes.set_yticks(range(len(rows)), [name for _, name, _ in rows], fontsize=8.5)
+    axes.set(xscale="log", xlim=(1.0, WORST), ylim=(len(rows) - 0.4, -0.6))
+    axes.set_xlabel("times as long for ten times less error [1]; short bars: turn these first")
+    last = None
+    for i, (quantity, _, _) in enumerate(rows):
+        if quantity != last:
+            colour = COLOURS[SUMMARY.index(quantity)]
+            axes.text(WORST * 1.15, i, LABELS.get(quantity, quantity), color=colour, fontsize=9)
+            axes.axhline(i - 0.5, color="0.7", lw=0.7)
+            last = quantity
+    axes.set_title("What ten times less error costs", loc="left")
+    figure.savefig(path, dpi=130)
