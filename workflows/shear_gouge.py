@@ -17,6 +17,7 @@ from workflows.gouge_grains import breakable_grains, loose_grains, turned
 from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
+from workflows.target_runs import run_to_target
 
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
@@ -272,9 +273,7 @@ def run(params, out, progress=None):
     With a target error it makes as many runs as that needs, in `out`/runs, and returns target.nc.
     """
     if params.target_error is not None:
-        from workflows.target_runs import run_to_target  # it makes runs of this workflow
-
-        return run_to_target(params, out, progress)
+        return run_to_target(params, out, progress, __name__, analyse)
     return simulate(build(params), params, out, progress)
 
 

@@ -1,4 +1,4 @@
-"""Runs of shear-gouge until the mean friction is known as well as was asked for."""
+"""Runs of a sheared layer until the mean friction is known as well as was asked for."""
 
 import time
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows import shear_gouge, target_error
+from workflows import target_error
 from workflows.replicas import run_replicas
 from workflows.run_table import write_runs
 from workflows.settings import to_toml
@@ -23,11 +23,14 @@ def runs_of(params, plan):
     """{label: parameters} of the runs of a plan."""
     changes = {"target_error": None, "strain": plan.strain, "step_safety": plan.step_safety}
     seeds = range(params.seed, params.seed + plan.seeds)
-    return {f"seed-{s}": shear_gouge.Params(**params.model_dump() | changes | {"seed": s}) for s in seeds}
+    return {f"seed-{s}": type(params)(**params.model_dump() | changes | {"seed": s}) for s in seeds}
 
 
-def run_to_target(params, out, progress=None):
-    """Plan and make the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc."""
+def run_to_target(params, out, progress, workflow, analyse):
+    """Plan and make the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
+
+    workflow: name of the module that makes the runs; analyse(dataset, params) -> figures of one of them.
+    """
     out = Path(out)
     row = target_error.table_of(params.shape, params.dim)
     plan = target_error.plan(params, params.target_error)
@@ -40,12 +43,12 @@ def run_to_target(params, out, progress=None):
             flush=True,
         )
     began, runs = time.perf_counter(), runs_of(params, plan)
-    jobs = [(label, shear_gouge.__name__, of_run, out / "runs" / label) for label, of_run in runs.items()]
+    jobs = [(label, workflow, of_run, out / "runs" / label) for label, of_run in runs.items()]
     run_replicas(jobs, 2, progress)
     rows, steps = [], []
     for label, of_run in runs.items():
         dataset = lsm.open_run(out / "runs" / label / "run.nc")
-        figures = shear_gouge.analyse(dataset, of_run)
+        figures = analyse(dataset, of_run)
         means = {name: float(figures[name].value) for name in ("friction_mean", "friction_se")}
         rows.append({"seed": of_run.seed, "path": f"runs/{label}", **means})
         steps.append(dataset.dt)

@@ -82,6 +82,7 @@ def layer_in_units(metre, kilogram, second):
     )
 
 
+@pytest.mark.validate
 def test_units_scaled_by_powers_of_two_leave_the_scaled_bits(runtime):
     """Nothing in the core knows an absolute size: no tolerance, no constant with a hidden unit."""
     metre, kilogram, second = 2.0**-10, 2.0**-31, 2.0**-7
