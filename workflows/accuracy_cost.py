@@ -46,9 +46,10 @@ class Params(BaseParams):
     shapes: list[Literal["sphere", "angular"]] = Field(["sphere", "angular"], description="grains of the layers")
     knobs: list[Knob] = Field(list(gouge.KNOBS), description="physical choices to measure")
     most_settings: int = Field(4, ge=2, le=4, description="settings of each physical choice [1]")
-    seeds: int = Field(6, ge=2, description="runs of each setting of a layer [1]")
-    strain: float = Field(5.0, gt=1.2, description="shear strain of the layers [1]")
-    long_strain: float = Field(17.0, ge=0, description="strain of the runs that measure strain and seeds; 0: none [1]")
+    seeds: int = Field(4, ge=2, description="runs of each setting of a layer [1]")
+    strain: float = Field(3.0, gt=1.2, description="shear strain of the layers [1]")
+    long_strain: float = Field(33.0, ge=0, description="strain of the runs that measure strain and seeds; 0: none [1]")
+    long_runs: int = Field(6, ge=2, description="number of those runs [1]")
     lists: bool = Field(True, description="measure the neighbour skin")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -81,10 +82,11 @@ class Params(BaseParams):
             "seeds": 4,
             "strain": 3.0,
             "long_strain": 9.0,
+            "long_runs": 4,
             "lists": False,
         },
         "standard": {},
-        "reference": {"seeds": 16, "long_strain": 41.0, "replicas": 16},
+        "reference": {"seeds": 16, "long_strain": 65.0, "long_runs": 16, "replicas": 16},
     }
 
     @property

@@ -65,12 +65,13 @@ def measure_knobs(params, shape, knobs, out, usual, progress=None):
     """(trials, {(knob, setting, seed): measured}, usual) of these knobs; usual [s]: cost of the layer of discs, None if
     it is to be found here."""
     jobs = jobs_of(params, shape, knobs, out)
-    unique = {job[0]: job for job in jobs.values()}
-    run_replicas(list(unique.values()), 2, progress)
+    for timed in (True, False):  # the first seed of each setting alone, for its cost
+        unique = {job[0]: job for key, job in jobs.items() if timed == (key[2] == params.seed)}
+        run_replicas(list(unique.values()), 1 if timed else 2, progress)
     found = {key: measured(Path(job[3]), job[2]) for key, job in jobs.items()}
     base = layer(params, shape, params.seed)
     if usual is None:
-        usual = float(np.median([m["cost"] for (knob, s, _), m in found.items() if s == getattr(base, knob)]))
+        usual = next(m["cost"] for (knob, s, _), m in found.items() if s == getattr(base, knob))
     trials = []
     for knob in knobs:
         settings = KNOBS[knob][: params.most_settings]
@@ -78,7 +79,7 @@ def measure_knobs(params, shape, knobs, out, usual, progress=None):
             of_last = [found[knob, settings[-1], seed][quantity] for seed in seeds_of(params)]
             for setting in settings:
                 own = [found[knob, setting, seed] for seed in seeds_of(params)]
-                cost = float(np.median([m["cost"] for m in own]))
+                cost = own[0]["cost"]
                 for replica, run in enumerate(own):
                     error = abs(run[quantity] - float(np.mean(of_last)))
                     where = (f"{knob}, {shape}", f"{setting:g}", setting, quantity, replica)
@@ -140,13 +141,13 @@ def measure_strain(params, shape, out, usual):
 
     Errors are deviations of window means from the mean of all runs; windows of a run follow each other without a gap.
     """
-    base = {seed: layer(params, shape, seed, strain=params.long_strain) for seed in seeds_of(params)}
+    seeds = range(params.seed, params.seed + params.long_runs)
+    base = {seed: layer(params, shape, seed, strain=params.long_strain) for seed in seeds}
     jobs = [(f"{shape}-long-{s}", shear_gouge.__name__, p, Path(out) / f"{shape}-long-{s}") for s, p in base.items()]
-    folders = run_replicas(jobs, 2)
+    folders = run_replicas(jobs[:1], 1) + run_replicas(jobs[1:], 2)  # the first alone, for its cost
     of_run = base[params.seed]
     series = [frictions(folder, of_run.steady_from) for folder in folders]
-    found = [measured(folder, of_run) for folder in folders]
-    cost = float(np.median([m["cost"] for m in found]))
+    cost = measured(folders[0], of_run)["cost"]
     grand = float(np.mean([friction.mean() for _, friction in series]))
     trials, quantity = [], "statistical error of friction"
     for width in spread(series):
