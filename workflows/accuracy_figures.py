@@ -28,6 +28,7 @@ SUMMARY = (
     "friction",
     "statistical error of friction",
 )
+WRITTEN = ("shape error", "motion after an impact of ellipses", "friction")  # panels whose points bear their settings
 WORST = 1e6  # factor of time that is drawn; what does not help at all is drawn as that
 
 
@@ -41,6 +42,7 @@ def plot_work_precision(path, found):
     """Draw the curves {(knob, quantity): Curve}: error against cost, the slope written on each line."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
     figure = Figure(figsize=(15, 9), layout="constrained")
     FigureCanvasAgg(figure)
@@ -56,13 +58,27 @@ def plot_work_precision(path, found):
             low = np.minimum(error, 0.7 * curve.error[known])
             style = {"color": colour, "fmt": "o-", "ms": 4, "lw": 1.3, "capsize": 2, "label": text}
             axes.errorbar(curve.relative[known], curve.error[known], yerr=(low, error), **style)
+            if quantities[0] in WRITTEN:
+                for x, y, setting in zip(curve.relative[known], curve.error[known], np.array(curve.setting)[known]):
+                    axes.annotate(setting, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7, color=colour)
         axes.set(xscale="log", yscale="log", title=title, xlabel="time over that of discs at default settings [1]")
         axes.set_ylabel(LABELS.get(quantities[0], quantities[0]) + " [1]")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if _narrow(axis) else (1.0,)))
+            axis.set_minor_formatter(NullFormatter())
+            if _narrow(axis):
+                axis.set_major_formatter(FormatStrFormatter("%g"))
         axes.grid(True, which="major", color="0.9")
         if axes.get_legend_handles_labels()[0]:
             axes.legend(fontsize=7.5, frameon=False)
     figure.suptitle("Error against time; in brackets the power of the time with which the error falls")
     figure.savefig(path, dpi=120)
+
+
+def _narrow(axis):
+    """Does the axis span less than two decades?"""
+    low, high = axis.get_view_interval()
+    return high < 100.0 * low
 
 
 def plot_summary(path, found):
@@ -71,12 +87,15 @@ def plot_summary(path, found):
     from matplotlib.figure import Figure
 
     chosen = [curve for curve in found.values() if curve.quantity in SUMMARY and math.isfinite(curve.slope())]
-    rows = [(curve.quantity, named(curve.knob), curve.tenfold()) for curve in chosen]
-    rows.sort(key=lambda row: (SUMMARY.index(row[0]), row[2]))
+    rows = [(curve.quantity, named(curve.knob), curve.tenfold() if curve.resolved() else math.nan) for curve in chosen]
+    rows.sort(key=lambda row: (SUMMARY.index(row[0]), math.isnan(row[2]), row[2]))
     figure = Figure(figsize=(10, 1.2 + 0.3 * len(rows)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     for i, (quantity, _, factor) in enumerate(rows):
+        if math.isnan(factor):
+            axes.text(1.05, i, "no effect beyond the standard errors", va="center", fontsize=8, color="0.4")
+            continue
         colour = COLOURS[SUMMARY.index(quantity)]
         axes.barh(i, min(factor, WORST), color=colour, alpha=1.0 if factor < WORST else 0.25)
         text = f" {factor:.2g} x" if factor < WORST else " more time does not help"
@@ -85,7 +104,7 @@ def plot_summary(path, found):
         axes.text(place[0], i, text.strip() if inside else text, va="center", ha=place[1], fontsize=8)
     axes.set_yticks(range(len(rows)), [name for _, name, _ in rows], fontsize=8.5)
     axes.set(xscale="log", xlim=(1.0, WORST), ylim=(len(rows) - 0.4, -0.6))
-    axes.set_xlabel("times as long for ten times less error [1]; short bars: turn these first")
+    axes.set_xlabel("times as long for ten times less error [1]")
     last = None
     for i, (quantity, _, _) in enumerate(rows):
         if quantity != last:
@@ -93,5 +112,6 @@ def plot_summary(path, found):
             axes.text(WORST * 1.15, i, LABELS.get(quantity, quantity), color=colour, fontsize=9)
             axes.axhline(i - 0.5, color="0.7", lw=0.7)
             last = quantity
-    axes.set_title("What ten times less error costs", loc="left")
+    title = "What ten times less error costs: the shortest bar of each colour is the knob to turn first"
+    axes.set_title(title, loc="left")
     figure.savefig(path, dpi=130)

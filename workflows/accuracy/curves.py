@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST_SLOPE = 0.1  # of the logarithms: a curve that falls more slowly does not reach a smaller error
+LEAST_SLOPE = 0.3  # of the logarithms: a curve that falls more slowly does not reach a smaller error
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,11 @@ class Curve:
         """Factor of time for ten times less error; infinite if more time does not help."""
         slope = self.slope()
         return 10.0 ** (1.0 / slope) if slope > LEAST_SLOPE else math.inf
+
+    def resolved(self):
+        """Does the error change by more than its standard errors?"""
+        se = np.where(np.isfinite(self.error_se), self.error_se, 0.0)
+        return bool(np.nanmax(self.error - se) > np.nanmin(self.error + se))
 
     def cost_at(self, error):
         """Relative cost at which the fitted line reaches the error."""
