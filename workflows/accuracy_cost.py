@@ -157,7 +157,7 @@ def physical(params, out, report):
         if params.long_strain:
             of_strain, row = gouge.measure_strain(params, shape, out / "runs", usual)
             trials += of_strain
-            rows.append(row)
+            rows.append(row | gouge.of_steps(params, found))
             report("layers", f"{shape}, strain and seeds")
     return trials, rows
 

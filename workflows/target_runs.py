@@ -64,13 +64,14 @@ def run_to_target(params, out, progress, workflow, analyse):
         text={"path": "folder of the run, relative to this file"},
     )
     means, errors = ([r[name] for r in rows] for name in ("friction_mean", "friction_se"))
-    error = target_error.reached(row, params, means, errors)
+    error = target_error.reached(row, params, means, errors, f"{plan.step_safety:g}")
     figures = {
         "friction_mean": Figure(float(np.mean(means)), "1"),
         "friction_error": Figure(error, "1", params.target_error, error <= params.target_error),
         "expected_error": Figure(plan.expected_error, "1"),
         "seeds": Figure(plan.seeds, "1"),
         "strain": Figure(plan.strain, "1"),
+        "step_safety": Figure(plan.step_safety, "1"),
         "expected_seconds": Figure(plan.expected_seconds, "s"),
         "seconds": Figure(time.perf_counter() - began, "s"),
     }

@@ -92,8 +92,9 @@ def test_variances_of_windows_are_found_again():
 @pytest.fixture
 def table(tmp_path, monkeypatch):
     row = {"shape": "sphere", "dim": 2, "stiffness_number": 1000.0, "inertial_number": 5e-3, "area": 168.0}
-    row |= {"grains_per_area": 1.0, "between_seeds": 1e-5, "times_strain": 4e-4, "bias_of_step": 0.0}
+    row |= {"grains_per_area": 1.0, "between_seeds": 1e-5, "times_strain": 4e-4}
     row |= {"seconds_per_grain_strain": 1e-3, "start_seconds": 8.0}
+    row |= {"bias_of_step": {"0.8": 0.004, "0.4": 0.001}, "cost_of_step": {"0.8": 0.6, "0.4": 1.0}}
     path = tmp_path / "friction_errors.json"
     path.write_text(json.dumps({"rows": [row]}), encoding="utf-8")
     monkeypatch.setattr(target_error.lsm, "data_path", lambda name: path)
@@ -105,8 +106,10 @@ def test_a_plan_promises_what_was_asked_and_no_cheaper_one_does(table):
     loose, tight = target_error.plan(params, 0.02), target_error.plan(params, 0.004)
     for plan, target in ((loose, 0.02), (tight, 0.004)):
         assert plan.expected_error <= target
-        assert target_error.half_width(table, params, plan.strain - params.steady_from, plan.seeds) <= target
+        step = f"{plan.step_safety:g}"
+        assert target_error.half_width(table, params, plan.strain - params.steady_from, plan.seeds, step) <= target
     assert tight.expected_seconds > 4 * loose.expected_seconds and tight.seeds > loose.seeds
+    assert (loose.step_safety, tight.step_safety) == (0.8, 0.4)  # the bias of the longer step is all of the target
     wide = target_error.plan(shear_gouge.Params(length=56, layer_thickness=12, inertial_number=5e-3), 0.004)
     assert wide.strain * wide.seeds < tight.strain * tight.seeds  # more grains average more
 

@@ -87,6 +87,27 @@ def measure_knobs(params, shape, knobs, out, usual, progress=None):
     return trials, found, usual
 
 
+def of_steps(params, found):
+    """What the table for target errors says of time steps: bias of the friction and cost over that of the usual step.
+
+    A bias that is not resolved counts as its standard error; half the step has half of it, as schemes with dampers are
+    of first order at least.
+    """
+    base, seeds = shear_gouge.Params().step_safety, seeds_of(params)
+    if ("step_safety", KNOBS["step_safety"][0], params.seed) not in found:
+        return {"bias_of_step": {f"{base:g}": 0.0}, "cost_of_step": {f"{base:g}": 1.0}}
+    coarse, finest = KNOBS["step_safety"][0], KNOBS["step_safety"][-1]
+    means = {s: np.array([found["step_safety", s, seed]["friction"] for seed in seeds]) for s in (coarse, finest)}
+    apart = abs(float(means[coarse].mean() - means[finest].mean()))
+    error = float(np.sqrt(sum(m.var(ddof=1) for m in means.values()) / len(seeds)))
+    bias = max(apart, error)
+    cost = {s: found["step_safety", s, params.seed]["cost"] for s in (coarse, base)}
+    return {
+        "bias_of_step": {f"{coarse:g}": bias, f"{base:g}": bias * base / coarse},
+        "cost_of_step": {f"{coarse:g}": cost[coarse] / cost[base], f"{base:g}": 1.0},
+    }
+
+
 def seeds_of(params):
     """Seeds of the replicas."""
     return range(params.seed, params.seed + params.seeds)
@@ -182,7 +203,6 @@ def row_of_table(of_run, folders, series, cost):
         "grains_per_area": grains / float(area),
         "between_seeds": between,
         "times_strain": within,
-        "bias_of_step": 0.0,
         "seconds_per_grain_strain": cost,
         "start_seconds": max(1.0, float(np.median(seconds)) - cost * len(dataset.grain) * of_run.strain),
         "runs": len(folders),

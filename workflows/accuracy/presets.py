@@ -1,0 +1,36 @@
+"""Expected errors and times of the presets of shear-gouge: `python -m workflows.accuracy.presets` prints them."""
+
+from workflows import shear_gouge, target_error
+from workflows.settings import merge
+
+TARGETS = (0.03, 0.02, 0.01, 0.007)
+
+
+def preset_rows():
+    """(preset, shape, strain, half-width of the 95 % interval, seconds) of one run of each preset in 2D."""
+    for preset in shear_gouge.Params.presets:
+        for shape in ("sphere", "angular"):
+            params = merge(shear_gouge.Params, preset, options={"shape": shape})
+            yield preset, shape, params.strain, *target_error.expected(params)
+
+
+def target_rows():
+    """(target error, shape, step, strain, seeds, seconds) of the plans for the standard layer in 2D."""
+    for target in TARGETS:
+        for shape in ("sphere", "angular"):
+            plan = target_error.plan(shear_gouge.Params(shape=shape), target)
+            yield target, shape, plan.step_safety, plan.strain, plan.seeds, plan.expected_seconds
+
+
+def main():
+    """Print both tables."""
+    print("| preset | shape | strain | expected error, 95 % | expected time |\n|---|---|---|---|---|")
+    for preset, shape, strain, error, seconds in preset_rows():
+        print(f"| {preset} | {shape} | {strain:g} | {error:.4f} | {seconds:.0f} s |")
+    print("\n| target error | shape | step | strain | runs | expected time |\n|---|---|---|---|---|---|")
+    for target, shape, step, strain, seeds, seconds in target_rows():
+        print(f"| {target:g} | {shape} | {step:g} | {strain:g} | {seeds} | {seconds:.0f} s |")
+
+
+if __name__ == "__main__":
+    main()
