@@ -63,6 +63,7 @@ class Params(shear_gouge.Params):
 
     # No option here, since both shapes are run; the checks made of angular grains are the stricter ones.
     shape: ClassVar[str] = "angular"
+    target_error: ClassVar[None] = None  # the number of replicas is given
 
     replicas: int = Field(3, ge=1, description="runs per shape, with the seeds seed, seed + 1, ... [1]")
     at_a_time: int = Field(2, ge=1, description="runs at a time, each in a process of its own [1]")

@@ -107,6 +107,8 @@ class Params(BaseParams):
             )
         if self.breakable and (self.shape != "angular" or self.dim != 2):
             problems.append(f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}")
+        if self.target_error and (self.breakable or self.load_stiffness or self.effects):
+            problems.append("--target-error knows layers of whole grains at an imposed velocity, with the usual laws")
         if self.dim == 3 and self.platen_diameter > 1.0:
             problems.append(f"--platen-diameter {self.platen_diameter:g} must be <= 1 in 3D: mobile grains would pass")
         least_kappa = 5.0 / self.corner_radius * (self.pieces**0.5 if self.breakable else 1.0)
