@@ -43,7 +43,10 @@ class Params(BaseParams):
     patches: list[int] = Field([12, 18, 30, 60, 120], description="patches per grain [1]")
     discs: list[int] = Field([12, 30, 60], description="discs per clump [1]")
     corners: list[float] = Field([0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]")
-    shapes: list[Literal["sphere", "angular"]] = Field(["sphere", "angular"], description="grains of the layers")
+    shapes: list[Literal["sphere", "angular"]] = Field(["sphere"], description="grains of the layers of all choices")
+    long_shapes: list[Literal["sphere", "angular"]] = Field(
+        ["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
+    )
     knobs: list[Knob] = Field(list(gouge.KNOBS), description="physical choices to measure")
     most_settings: int = Field(4, ge=2, le=4, description="settings of each physical choice [1]")
     seeds: int = Field(4, ge=2, description="runs of each setting of a layer [1]")
@@ -63,7 +66,7 @@ class Params(BaseParams):
             "patches": [12, 30],
             "discs": [12],
             "corners": [],
-            "shapes": ["sphere"],
+            "long_shapes": ["sphere"],
             "knobs": ["stiffness_number"],
             "most_settings": 2,
             "seeds": 2,
@@ -76,7 +79,7 @@ class Params(BaseParams):
             "patches": [12, 30, 60],
             "discs": [12, 30],
             "corners": [],
-            "shapes": ["sphere"],
+            "long_shapes": ["sphere"],
             "knobs": ["stiffness_number"],
             "most_settings": 3,
             "seeds": 4,
@@ -150,11 +153,12 @@ def of_shapes(params, report):
 def physical(params, out, report):
     """(trials of the physical choices, rows of the table for target errors)."""
     trials, rows, usual = [], [], None
-    for shape in params.shapes:
-        of_shape, found, usual = gouge.measure_knobs(params, shape, params.knobs, out / "runs", usual)
+    for shape in dict.fromkeys(params.shapes + params.long_shapes):
+        knobs = params.knobs if shape in params.shapes else ["step_safety"]
+        of_shape, found, usual = gouge.measure_knobs(params, shape, knobs, out / "runs", usual)
         trials += of_shape
-        report("layers", f"{shape}, {', '.join(params.knobs)}")
-        if params.long_strain:
+        report("layers", f"{shape}, {', '.join(knobs)}")
+        if params.long_strain and shape in params.long_shapes:
             of_strain, row = gouge.measure_strain(params, shape, out / "runs", usual)
             trials += of_strain
             rows.append(row | gouge.of_steps(params, found))
@@ -198,7 +202,8 @@ def analyse(trials):
 
 def run(params, out, progress=None):
     """Measure everything; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`, returns
-    accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned."""
+    accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned. Runs of
+    layers that `out` holds already are not made again."""
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")

@@ -9,6 +9,7 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.accuracy import Trial
 from workflows.replicas import run_replicas
+from workflows.settings import to_toml
 
 KNOBS = {  # settings; the last one is the reference, the most accurate or, of the platens, the usual one
     "stiffness_number": (300.0, 1000.0, 3000.0, 10_000.0),
@@ -42,6 +43,17 @@ def jobs_of(params, shape, knobs, out):
     return jobs
 
 
+def run_missing(jobs, at_a_time, progress=None):
+    """As `run_replicas`, but runs that are there, complete and of the same parameters are not made again."""
+
+    def there(job):
+        files = [Path(job[3]) / name for name in ("run.nc", "summary.json", "config.toml")]
+        return all(f.exists() for f in files) and files[2].read_text(encoding="utf-8") == to_toml(job[2])
+
+    run_replicas([job for job in jobs if not there(job)], at_a_time, progress)
+    return [Path(job[3]) for job in jobs]
+
+
 def measured(folder, of_run):
     """{quantity: value of a run}, with its standard error of friction and its cost: seconds for a grain and strain."""
     dataset = lsm.open_run(folder / "run.nc")
@@ -67,7 +79,7 @@ def measure_knobs(params, shape, knobs, out, usual, progress=None):
     jobs = jobs_of(params, shape, knobs, out)
     for timed in (True, False):  # the first seed of each setting alone, for its cost
         unique = {job[0]: job for key, job in jobs.items() if timed == (key[2] == params.seed)}
-        run_replicas(list(unique.values()), 1 if timed else 2, progress)
+        run_missing(list(unique.values()), 1 if timed else 2, progress)
     found = {key: measured(Path(job[3]), job[2]) for key, job in jobs.items()}
     base = layer(params, shape, params.seed)
     if usual is None:
@@ -165,7 +177,7 @@ def measure_strain(params, shape, out, usual):
     seeds = range(params.seed, params.seed + params.long_runs)
     base = {seed: layer(params, shape, seed, strain=params.long_strain) for seed in seeds}
     jobs = [(f"{shape}-long-{s}", shear_gouge.__name__, p, Path(out) / f"{shape}-long-{s}") for s, p in base.items()]
-    folders = run_replicas(jobs[:1], 1) + run_replicas(jobs[1:], 2)  # the first alone, for its cost
+    folders = run_missing(jobs[:1], 1) + run_missing(jobs[1:], 2)  # the first alone, for its cost
     of_run = base[params.seed]
     series = [frictions(folder, of_run.steady_from) for folder in folders]
     cost = measured(folders[0], of_run)["cost"]
@@ -176,7 +188,8 @@ def measure_strain(params, shape, out, usual):
             error = float(np.sqrt(np.mean((means - grand) ** 2)))
             where = (f"strain, {shape}", f"{width:g}", width, quantity, replica)
             trials.append(Trial(*where, error, cost * width, cost * width / usual))
-    at_once = np.stack([means for means in window_means(series, 1.0)])  # (run, window)
+    by_run = window_means(series, 1.0)
+    at_once = np.stack([means[: min(map(len, by_run))] for means in by_run])  # (run, window)
     for count in (1, 2, 3, 6, 12):
         for replica in range(len(at_once) // count):
             together = at_once[replica * count : (replica + 1) * count].mean(axis=0)
