@@ -86,7 +86,7 @@ def plot_summary(path, found):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    chosen = [curve for curve in found.values() if curve.quantity in SUMMARY and math.isfinite(curve.slope())]
+    chosen = [curve for curve in found.values() if curve.quantity in SUMMARY and not math.isnan(curve.slope())]
     rows = [(curve.quantity, named(curve.knob), curve.tenfold() if curve.resolved() else math.nan) for curve in chosen]
     rows.sort(key=lambda row: (SUMMARY.index(row[0]), math.isnan(row[2]), row[2]))
     figure = Figure(figsize=(10, 1.2 + 0.3 * len(rows)), layout="constrained")
@@ -99,6 +99,7 @@ def plot_summary(path, found):
         colour = COLOURS[SUMMARY.index(quantity)]
         axes.barh(i, min(factor, WORST), color=colour, alpha=1.0 if factor < WORST else 0.25)
         text = f" {factor:.2g} x" if factor < WORST else " more time does not help"
+        text = " free" if factor < 1.05 else text
         inside = min(factor, WORST) > 1e3
         place = (min(factor, WORST) / 1.2, "right") if inside else (min(factor, WORST), "left")
         axes.text(place[0], i, text.strip() if inside else text, va="center", ha=place[1], fontsize=8)

@@ -12,8 +12,8 @@ from workflows.replicas import run_replicas
 LAYER = {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}
 TRIALS = 10
 REFERENCE = {"strain": 21.0, "step_safety": 0.2}  # half the usual step
-RUNS, FIRST = 6, 2000  # of the reference; the table was measured with other seeds
-TARGET = {"sphere": 0.01, "angular": 0.015}
+RUNS, FIRST = 4, 2000  # of the reference; the table was measured with other seeds
+TARGET = {"sphere": 0.015, "angular": 0.02}
 
 
 @pytest.mark.validate

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST_SLOPE = 0.3  # of the logarithms: a curve that falls more slowly does not reach a smaller error
+LEAST_ORDER = 0.3  # in the value of the knob: an error that changes more slowly is not worth the knob
+LEAST_GROWTH = 0.02  # of the cost, likewise: a knob that costs less is free
 
 
 @dataclass(frozen=True)
@@ -28,16 +29,18 @@ class Curve:
         return float(-np.polyfit(np.log(self.value[known]), np.log(self.error[known]), 1)[0])
 
     def slope(self):
-        """q of error ~ cost^-q."""
-        known = np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
-        if known.sum() < 2 or np.ptp(np.log(self.relative[known])) == 0.0:
+        """q of error ~ cost^-q: infinite where the error falls and the cost does not rise."""
+        p, known = self.order(), np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
+        if known.sum() < 2 or math.isnan(p):
             return math.nan
-        return float(-np.polyfit(np.log(self.relative[known]), np.log(self.error[known]), 1)[0])
+        growth = float(np.polyfit(np.log(self.value[known]), np.log(self.relative[known]), 1)[0])
+        return p / growth if p * growth > 0.0 and abs(growth) > LEAST_GROWTH else math.inf
 
     def tenfold(self):
         """Factor of time for ten times less error; infinite if more time does not help."""
-        slope = self.slope()
-        return 10.0 ** (1.0 / slope) if slope > LEAST_SLOPE else math.inf
+        if abs(self.order()) < LEAST_ORDER:
+            return math.inf
+        return 10.0 ** (1.0 / self.slope())
 
     def resolved(self):
         """Does the error change by more than its standard errors?"""
@@ -48,7 +51,7 @@ class Curve:
         """Relative cost at which the fitted line reaches the error."""
         known = np.isfinite(self.error) & (self.error > 0.0)
         q, offset = np.polyfit(np.log(self.relative[known]), np.log(self.error[known]), 1)
-        return float(np.exp((np.log(error) - offset) / q)) if -q > LEAST_SLOPE else math.inf
+        return float(np.exp((np.log(error) - offset) / q)) if q < 0.0 else math.inf
 
 
 def curves(trials):
