@@ -20,7 +20,15 @@ PANELS = (  # title, quantities
     ("Friction: choices of the layer", ("friction",)),
     ("Friction: strain and seeds", ("statistical error of friction",)),
 )
-LABELS = {"energy after a collision": "relative error of the energy", "energy drift of a gas": "relative energy drift"}
+LABELS = {
+    "energy after a collision": "energy after a collision, relative error",
+    "energy drift of a gas": "energy of a gas, relative drift",
+    "shape error": "outline, greatest distance / diameter",
+    "motion after an impact of ellipses": "velocities and spins, error / speed",
+    "friction": "mean friction, deviation",
+    "statistical error of friction": "mean friction, statistical error",
+}
+SHAPES = {"sphere": "discs", "angular": "angular grains"}
 SUMMARY = (
     "energy after a collision",
     "energy drift of a gas",
@@ -29,13 +37,15 @@ SUMMARY = (
     "statistical error of friction",
 )
 WRITTEN = ("shape error", "motion after an impact of ellipses", "friction")  # panels whose points bear their settings
+NO_AXIS = "platen_diameter"  # of walls no roughness is the most accurate one
 WORST = 1e6  # factor of time that is drawn; what does not help at all is drawn as that
 
 
 def named(knob):
     """A knob in words."""
     first, _, rest = knob.partition(", ")
-    return NAMES.get(first, first.replace("_", " ")) + (f", {rest}" if rest else "")
+    name = f"step of {NAMES[first]}" if first in NAMES else first.replace("_", " ")
+    return name + (f", {SHAPES.get(rest, rest)}" if rest else "")
 
 
 def plot_work_precision(path, found):
@@ -86,7 +96,8 @@ def plot_summary(path, found):
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    chosen = [curve for curve in found.values() if curve.quantity in SUMMARY and not math.isnan(curve.slope())]
+    known = [curve for curve in found.values() if curve.quantity in SUMMARY and not math.isnan(curve.slope())]
+    chosen = [curve for curve in known if not curve.knob.startswith(NO_AXIS)]
     rows = [(curve.quantity, named(curve.knob), curve.tenfold() if curve.resolved() else math.nan) for curve in chosen]
     rows.sort(key=lambda row: (SUMMARY.index(row[0]), math.isnan(row[2]), row[2]))
     figure = Figure(figsize=(10, 1.2 + 0.3 * len(rows)), layout="constrained")

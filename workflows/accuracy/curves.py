@@ -43,8 +43,8 @@ class Curve:
         return 10.0 ** (1.0 / self.slope())
 
     def resolved(self):
-        """Does the error change by more than its standard errors?"""
-        se = np.where(np.isfinite(self.error_se), self.error_se, 0.0)
+        """Does the error change by more than two of its standard errors?"""
+        se = 2.0 * np.where(np.isfinite(self.error_se), self.error_se, 0.0)
         return bool(np.nanmax(self.error - se) > np.nanmin(self.error + se))
 
     def cost_at(self, error):

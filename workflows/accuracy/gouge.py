@@ -55,7 +55,7 @@ def run_missing(jobs, at_a_time, progress=None):
 
 
 def measured(folder, of_run):
-    """{quantity: value of a run}, with its standard error of friction and its cost: seconds for a grain and strain."""
+    """{quantity: value of a run}, with its standard error of friction and its cost: seconds for a unit of strain."""
     dataset = lsm.open_run(folder / "run.nc")
     sheared = dataset.isel(time=dataset.stage.values == 2)
     steady = sheared.isel(time=sheared.shear_strain.values >= of_run.steady_from)
@@ -69,7 +69,7 @@ def measured(folder, of_run):
         "dilation": float(steady.layer_thickness.mean()) / begin - 1.0,
         "coordination": float(steady.coordination_number.mean()),
         "stress fluctuation": float(steady.shear_stress.std() / steady.normal_stress.mean()),
-        "cost": steps / rate,
+        "cost": steps / rate * lsm.open_run(folder / "grains.nc").sizes["grain"],
     }
 
 
@@ -102,8 +102,8 @@ def measure_knobs(params, shape, knobs, out, usual, progress=None):
 def of_steps(params, found):
     """What the table for target errors says of time steps: bias of the friction and cost over that of the usual step.
 
-    The usual step counts as unbiased: a quarter of it gives no other friction that could be resolved. For the longer one
-    the difference from the shortest is a bias, or its standard error where that is more.
+    The usual step counts as unbiased: a quarter of it gives no other friction that could be resolved. Of the longer
+    one the difference from the shortest is the bias, or its standard error where that is more.
     """
     base, seeds = shear_gouge.Params().step_safety, seeds_of(params)
     if ("step_safety", KNOBS["step_safety"][0], params.seed) not in found:
@@ -216,8 +216,8 @@ def row_of_table(of_run, folders, series, cost):
         "grains_per_area": grains / float(area),
         "between_seeds": between,
         "times_strain": within,
-        "seconds_per_grain_strain": cost,
-        "start_seconds": max(1.0, float(np.median(seconds)) - cost * len(dataset.grain) * of_run.strain),
+        "seconds_per_grain_strain": cost / grains,
+        "start_seconds": max(1.0, float(np.median(seconds)) - cost * of_run.strain),
         "runs": len(folders),
         "strain": of_run.strain,
     }
