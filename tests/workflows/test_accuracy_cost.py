@@ -120,3 +120,12 @@ def test_targets_out_of_range_are_refused_with_what_is_possible(table):
         target_error.plan(params, 1e-7)
     with pytest.raises(lsm.InputError, match="not measured, only of --shape sphere --dim 2"):
         target_error.plan(shear_gouge.Params(shape="angular"), 0.01)
+
+
+def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
+    params = shear_gouge.Params(length=14, layer_thickness=12, inertial_number=5e-3)
+    two = target_error.reached(table, params, [0.25, 0.26], [0.004, 0.004], "0.4")
+    alone = np.sqrt((0.004**2 + table["between_seeds"]) / 2)
+    assert two == pytest.approx(target_error.CAUTION * 1.96 * alone + 0.001)
+    far = target_error.reached(table, params, [0.20, 0.25, 0.30], [0.004] * 3, "0.4")
+    assert far == pytest.approx(target_error.CAUTION * 1.96 * 0.05 / np.sqrt(3) + 0.001)
