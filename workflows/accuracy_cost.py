@@ -146,6 +146,9 @@ def of_shapes(params, report):
         report("shapes", f"{kind} {count:g}")
     trials = outlines.trials_of(rows)
     relative = {t.value: t.relative for t in trials if t.knob == "patches"}
+    if params.corners:
+        trials += alone(outlines.measure_parts, params)
+        report("shapes", "convex parts")
     moved = alone(outlines.measure_impacts, params)
     return trials + [replace(t, relative=relative.get(t.value, np.nan)) for t in moved if t.value in relative]
 

@@ -113,6 +113,8 @@ class PairGeometry:
                 arm_k = at * n
                 self.check_cap(k, l, depth)
             arm_l = arm_k - d
+        else:  # parts may reach out of the bounding sphere of their grain: no more is known than its distance
+            depth = r_k + r_l - d.norm()
         return depth, n, arm_k, arm_l
 
     @ti.func

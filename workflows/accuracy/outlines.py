@@ -1,4 +1,4 @@
-"""Shapes: patches and discs per grain and corner radius, by outline, impact and sheared layer (2D)."""
+"""Shapes: patches and discs per grain, corner radius, non-convexity, by outline, impact, layer and gas (2D)."""
 
 import tempfile
 
@@ -6,7 +6,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows import shape_roughness, shear_gouge
-from workflows.accuracy import Trial, scene_of
+from workflows.accuracy import Trial, scene_of, seconds_per_step
 
 PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump
@@ -15,6 +15,8 @@ SHARPEST = 0.02
 STIFFNESS = 1e7  # [N m-1], of impacts
 SPEED = 1.0  # [m s-1], of impacts
 MOST_PATCHES = 300
+BARS = (1, 2, 3)  # of a star; one bar is convex
+STARS = 8  # along each side of their gas
 
 
 def polygons(params, corner_radius=0.05):
@@ -100,3 +102,41 @@ def measure_impacts(params):
         where = ("patches", f"{count}", count, "motion after an impact of ellipses", 0)
         trials.append(Trial(*where, error, np.nan, np.nan))
     return trials
+
+
+def star(bars):
+    """A grain of `bars` rounded bars through one centre."""
+    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
+    return lsm.union([lsm.placed(bar, (0.0, 0.0), i * np.pi / bars) for i in range(bars)])
+
+
+def hull_error(bars):
+    """Greatest distance [diameters] between the outline of a star and its convex hull, which could stand for it."""
+    import shapely
+
+    outlines = [part.outline(2000) for part in star(bars).parts]
+    body = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
+    return float(shapely.hausdorff_distance(body.convex_hull.exterior, body.exterior))
+
+
+def gas_of(shape, seed):
+    """STARS^2 grains of this shape in a periodic square, as close as their bounding circles let them, flying about."""
+    rng, count = np.random.default_rng(seed), STARS**2
+    pitch = 2.02 * shape.bounding_radius
+    place = pitch * np.stack(np.divmod(np.arange(count), STARS), axis=1)
+    cell = {"lengths": (pitch * STARS,) * 2, "periodic": (True, True), "shapes": [shape]}
+    motion = {"velocity": rng.normal(0.0, 0.1 * SPEED, (count, 2)), "spin": rng.normal(0.0, 0.1 * SPEED, (count, 1))}
+    return scene_of(place, [lsm.LinearElastic(STIFFNESS)], angle=rng.uniform(0.0, 6.0, count), **cell, **motion)
+
+
+def measure_parts(params):
+    """Trials of non-convex grains: what their hull would get wrong, and their cost in a gas over that of discs."""
+    sims = {bars: lsm.Simulation(gas_of(star(bars), params.seed)) for bars in BARS}
+    sims[0] = lsm.Simulation(gas_of(lsm.disc(), params.seed))
+    taken = seconds_per_step(sims, params.timed_steps, params.turns)
+    cost = {bars: taken[bars] / sim.dt for bars, sim in sims.items()}
+    quantity = "outline that the hull would lose"
+    return [
+        Trial("convex parts", f"{bars}", bars, quantity, 0, hull_error(bars), cost[bars], cost[bars] / cost[0])
+        for bars in BARS
+    ]

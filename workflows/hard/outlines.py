@@ -199,6 +199,24 @@ def sizes_of_grains(bench):
     return worst_error(bench, crowd(shapes, scale, 5, 1.0, 0.0, speed), 1_000_000, 50_000)
 
 
+def stars():
+    """16 grains of two bars crossed at a right angle, as close as their bounding circles let them, at random motion."""
+    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
+    star = lsm.union([lsm.placed(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
+    rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius
+    place = pitch * np.stack(np.divmod(np.arange(16), 4), axis=1)
+    motion = {"velocity": rng.normal(0.0, 1.0, (16, 2)), "spin": rng.normal(0.0, 1.0, (16, 1))}
+    cell = {"lengths": (4 * pitch,) * 2, "periodic": (True, True), "angle": rng.uniform(0.0, 6.0, 16)}
+    return scene_of(place, [lsm.LinearElastic(STIFFNESS)], shapes=[star], **cell, **motion)
+
+
+@hard("Gas of stars", "relative error of the energy", 1e-3, f32_bound=FLAT)
+def gas_of_stars(bench):
+    """The circles of the parts of a grain reach out of the circle that bounds it as closely as possible. Where one is
+    used in place of the other, a contact is looked for too late, and arms pass through each other."""
+    return worst_error(bench, stars(), 200_000, 10_000)
+
+
 def stack(count=4):
     """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping. Their faces
     bulge a little; without a damping of all motion they would rock on them for ever, as they should."""
