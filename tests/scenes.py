@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.few_grains import scene_of as scene
 
 PRECISION = os.environ.get("LSM_TEST_PRECISION", "f64")
 STIFFNESS = 1e5
@@ -19,24 +20,6 @@ FILL = {"discs": 0.88, "arcs": 0.90}  # part of the box that a packing fills: a 
 def tolerance(f64, f32=1e-4):
     """The bound that the rounding of this process's precision allows."""
     return f64 if PRECISION == "f64" else f32
-
-
-def scene(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, **more):
-    """Scene of grains at `position` (n, dim), in open space unless told otherwise; discs or spheres of diameter 1."""
-    position = np.asarray(position, float)
-    n, dim = position.shape
-    return lsm.Scene(
-        dim=dim,
-        lengths=lengths or (np.inf,) * dim,
-        periodic=periodic or (False,) * dim,
-        shapes=shapes or [lsm.disc() if dim == 2 else lsm.sphere()],
-        shape=np.broadcast_to(shape, n).copy(),
-        position=position,
-        scale=np.broadcast_to(scale, n).astype(float),
-        density=more.pop("density", 1000.0),
-        effects=effects,
-        **more,
-    )
 
 
 def simulate(new_scene, threads=1):

@@ -19,15 +19,14 @@ from pydantic import Field
 from workflows.accuracy import collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
-from workflows.accuracy_figures import plot_summary, plot_work_precision
+from workflows.accuracy_figures import plot_work_precision
+from workflows.accuracy_summary import plot_summary
 from workflows.run_table import attributes_of
 from workflows.settings import Params as BaseParams
 from workflows.settings import to_toml
 from workflows.summary import Figure, write_summary
 
-Knob = Literal[
-    "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
-]
+Knob = Literal["stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"]
 
 
 class Params(BaseParams):
@@ -196,6 +195,12 @@ def analyse(trials):
         chosen = list(patches.value).index(30)
         ratio = clumps.cost_at(patches.error[chosen]) / patches.relative[chosen]
         figures["cost_ratio_clumps"] = Figure(ratio, "1")
+    skins = [t for t in trials if t.knob == "skin"]
+    if skins:
+        differ = max(t.error for t in skins)
+        figures["skin_difference"] = Figure(differ, "m", "0: no pair may be missed", differ == 0.0)
+    for knob, name in (("skin", "cost_of_skin"), ("convex parts", "cost_of_parts")):
+        figures |= {f"{name}_{t.value:g}": Figure(t.relative, "1") for t in trials if t.knob == knob}
     for (knob, quantity), curve in found.items():
         if quantity in (drift, "shape error", "friction", "statistical error of friction"):
             name = f"tenfold_{knob}_{quantity}".replace(", ", "_").replace(" ", "_")

@@ -1,10 +1,10 @@
-"""The figures of accuracy against cost: work-precision diagrams, and what ten times less error costs."""
+"""Work-precision diagrams: error against time, a line for each choice."""
 
 import math
 
 import numpy as np
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#7f7f7f")
 NAMES = {
     "explicit_euler": "explicit Euler, as printed",
     "symplectic_euler": "symplectic Euler",
@@ -29,16 +29,8 @@ LABELS = {
     "statistical error of friction": "mean friction, statistical error",
 }
 SHAPES = {"sphere": "discs", "angular": "angular grains"}
-SUMMARY = (
-    "energy after a collision",
-    "energy drift of a gas",
-    "shape error",
-    "friction",
-    "statistical error of friction",
-)
 WRITTEN = ("shape error", "motion after an impact of ellipses", "friction")  # panels whose points bear their settings
-NO_AXIS = "platen_diameter"  # of walls no roughness is the most accurate one
-WORST = 1e6  # factor of time that is drawn; what does not help at all is drawn as that
+LEAST_SPAN = 3.0  # of the axis of times, last over first
 
 
 def named(knob):
@@ -54,7 +46,7 @@ def plot_work_precision(path, found):
     from matplotlib.figure import Figure
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-    figure = Figure(figsize=(15, 9), layout="constrained")
+    figure = Figure(figsize=(15, 12), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, (title, quantities) in zip(figure.subplots(2, 3).flat, PANELS, strict=True):
         own = [curve for (_, quantity), curve in found.items() if quantity in quantities]
@@ -62,7 +54,7 @@ def plot_work_precision(path, found):
             known = np.isfinite(curve.error) & (curve.error > 0.0) & np.isfinite(curve.relative)
             if not known.any():
                 continue
-            slope = curve.slope()
+            slope = curve.slope() if curve.resolved() else math.nan
             text = named(curve.knob) + (f" ({slope:.1f})" if math.isfinite(slope) else "")
             error = np.where(np.isfinite(curve.error_se), curve.error_se, 0.0)[known]
             low = np.minimum(error, 0.7 * curve.error[known])
@@ -73,6 +65,9 @@ def plot_work_precision(path, found):
                     axes.annotate(setting, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7, color=colour)
         axes.set(xscale="log", yscale="log", title=title, xlabel="time over that of discs at default settings [1]")
         axes.set_ylabel(LABELS.get(quantities[0], quantities[0]) + " [1]")
+        low, high = axes.get_xlim()
+        if high < LEAST_SPAN * low:  # times that differ by their noise
+            axes.set_xlim(*(np.sqrt(low * high) * np.array([LEAST_SPAN**-0.5, LEAST_SPAN**0.5])))
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if _narrow(axis) else (1.0,)))
             axis.set_minor_formatter(NullFormatter())
@@ -80,7 +75,7 @@ def plot_work_precision(path, found):
                 axis.set_major_formatter(FormatStrFormatter("%g"))
         axes.grid(True, which="major", color="0.9")
         if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize=7.5, frameon=False)
+            axes.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.11), ncols=2)
     figure.suptitle("Error against time; in brackets the power of the time with which the error falls")
     figure.savefig(path, dpi=120)
 
@@ -89,41 +84,3 @@ def _narrow(axis):
     """Does the axis span less than two decades?"""
     low, high = axis.get_view_interval()
     return high < 100.0 * low
-
-
-def plot_summary(path, found):
-    """Draw tenfold.png: factor of time for ten times less error, knob by knob."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    known = [curve for curve in found.values() if curve.quantity in SUMMARY and not math.isnan(curve.slope())]
-    chosen = [curve for curve in known if not curve.knob.startswith(NO_AXIS)]
-    rows = [(curve.quantity, named(curve.knob), curve.tenfold() if curve.resolved() else math.nan) for curve in chosen]
-    rows.sort(key=lambda row: (SUMMARY.index(row[0]), math.isnan(row[2]), row[2]))
-    figure = Figure(figsize=(10, 1.2 + 0.3 * len(rows)), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    for i, (quantity, _, factor) in enumerate(rows):
-        if math.isnan(factor):
-            axes.text(1.05, i, "no effect beyond the standard errors", va="center", fontsize=8, color="0.4")
-            continue
-        colour = COLOURS[SUMMARY.index(quantity)]
-        axes.barh(i, min(factor, WORST), color=colour, alpha=1.0 if factor < WORST else 0.25)
-        text = f" {factor:.2g} x" if factor < WORST else " more time does not help"
-        text = " free" if factor < 1.05 else text
-        inside = min(factor, WORST) > 1e3
-        place = (min(factor, WORST) / 1.2, "right") if inside else (min(factor, WORST), "left")
-        axes.text(place[0], i, text.strip() if inside else text, va="center", ha=place[1], fontsize=8)
-    axes.set_yticks(range(len(rows)), [name for _, name, _ in rows], fontsize=8.5)
-    axes.set(xscale="log", xlim=(1.0, WORST), ylim=(len(rows) - 0.4, -0.6))
-    axes.set_xlabel("times as long for ten times less error [1]")
-    last = None
-    for i, (quantity, _, _) in enumerate(rows):
-        if quantity != last:
-            colour = COLOURS[SUMMARY.index(quantity)]
-            axes.text(WORST * 1.15, i, LABELS.get(quantity, quantity), color=colour, fontsize=9)
-            axes.axhline(i - 0.5, color="0.7", lw=0.7)
-            last = quantity
-    title = "What ten times less error costs: the shortest bar of each colour is the knob to turn first"
-    axes.set_title(title, loc="left")
-    figure.savefig(path, dpi=130)

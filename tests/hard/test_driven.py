@@ -4,14 +4,9 @@ import pytest
 
 import taichi_lsm as lsm
 from tests.scenes import PRECISION
-from workflows.hard import Bench, cases_of, driven
+from workflows.hard import cases_of, driven
 
 CASES = {case.name: case for case in cases_of("driven")}
-
-
-@pytest.fixture(scope="module")
-def bench(runtime):
-    return Bench(PRECISION)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -9,11 +9,6 @@ from workflows.hard import Bench, cases_of
 CASES = {case.name: case for case in cases_of("laws")}
 
 
-@pytest.fixture(scope="module")
-def bench(runtime):
-    return Bench(PRECISION)
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_a_hard_case_respects_its_bound(bench, name):
     case = CASES[name]

@@ -3,14 +3,9 @@
 import pytest
 
 from tests.scenes import PRECISION
-from workflows.hard import Bench, cases_of
+from workflows.hard import cases_of
 
 CASES = {case.name: case for case in cases_of("lists")}
-
-
-@pytest.fixture(scope="module")
-def bench(runtime):
-    return Bench(PRECISION)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -5,17 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.scenes import PRECISION
-from workflows.hard import Bench, cases_of
+from workflows.hard import cases_of
 from workflows.hard.packings import any_angular, any_discs, growth
 
 MAKERS = {"discs": any_discs, "angular": any_angular}
 BOUND = 5e-3  # the ripple of Verlet inside contacts
 CASES = {case.name: case for case in cases_of("packings")}
-
-
-@pytest.fixture(scope="module")
-def bench(runtime):
-    return Bench(PRECISION)
 
 
 @pytest.mark.parametrize("name", CASES)

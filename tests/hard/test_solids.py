@@ -5,15 +5,10 @@ import pytest
 
 import taichi_lsm as lsm
 from tests.scenes import PRECISION
-from workflows.hard import Bench, cases_of, error_of_impact
+from workflows.hard import cases_of, error_of_impact
 from workflows.hard.solids import impact
 
 CASES = {case.name: case for case in cases_of("solids")}
-
-
-@pytest.fixture(scope="module")
-def bench(runtime):
-    return Bench(PRECISION)
 
 
 @pytest.mark.parametrize("name", CASES)

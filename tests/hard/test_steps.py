@@ -5,7 +5,7 @@ import pytest
 
 import taichi_lsm as lsm
 from tests.scenes import PRECISION
-from workflows.hard import Bench, cases_of
+from workflows.hard import cases_of
 from workflows.hard.steps import CRITICAL, on_floor
 
 CASES = {case.name: case for case in cases_of("steps")}
@@ -17,11 +17,6 @@ GUARDS = {  # and the case that shows what each is for
     "wall": "through_a_wall",
     "finite": "not_a_number",
 }
-
-
-@pytest.fixture(scope="module")
-def bench(runtime):
-    return Bench(PRECISION)
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -9,8 +9,9 @@ import taichi_lsm as lsm
 from workflows import accuracy_cost, shear_gouge, target_error
 from workflows.accuracy import Trial, gouge, order
 from workflows.accuracy.curves import curves
-from workflows.accuracy.trials_file import write_trials
-from workflows.accuracy_figures import plot_summary, plot_work_precision
+from workflows.accuracy.trials_file import read_trials, write_trials
+from workflows.accuracy_figures import plot_work_precision
+from workflows.accuracy_summary import NEVER, bars_of, plot_summary
 from workflows.run_table import attributes_of
 
 DRIFT, AFTER, DURING = "energy drift of a gas", "energy after a collision", "energy during a collision"
@@ -70,9 +71,21 @@ def test_file_and_figures_hold_every_trial(trials, tmp_path):
     assert np.allclose(errors[:, 0], np.array([12.0, 24.0, 48.0, 96.0]) ** -2) and table.error.units == "1"
     assert np.isfinite(table.error.values).sum() == len(trials)
     assert table.run_status == "complete" and table.cost.units == "s"
+    assert set(read_trials(tmp_path / "accuracy.nc")) == set(trials)
     for draw, name in ((plot_work_precision, "work.png"), (plot_summary, "tenfold.png")):
         draw(tmp_path / name, curves(trials))
         assert (tmp_path / name).stat().st_size > 10_000
+
+
+def test_the_summary_ranks_knobs_by_the_time_for_a_tenth_of_the_error_of_the_default(trials):
+    bars = bars_of(curves(trials))
+    gas = [bar for bar in bars if bar.quantity == DRIFT]
+    assert [bar.name for bar in gas][-1] == "step of explicit Euler, as printed" and gas[-1].note == NEVER
+    assert gas[0].end == pytest.approx(10**0.5)  # of order 2
+    slower = next(bar for bar in gas if "symplectic" in bar.name)
+    assert (slower.begin, slower.end) == pytest.approx((48.0, 480.0)) and not slower.default  # 48^2 steps against 48
+    patches, clumps = (bar for bar in bars if bar.quantity == "shape error")
+    assert patches.default and patches.begin == pytest.approx(1.0) and clumps.end > 1000.0
 
 
 def noise(rng, strain, between, within, rows=100):

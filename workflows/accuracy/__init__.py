@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import taichi_lsm as lsm
-
 
 @dataclass(frozen=True)
 class Trial:
@@ -48,19 +46,3 @@ def seconds_per_step(sims, steps, turns):
 def order(values, errors):
     """Order p of errors that fall as values^-p, from the slope of the logarithms."""
     return float(-np.polyfit(np.log(values), np.log(errors), 1)[0])
-
-
-def scene_of(position, effects, **more):
-    """Scene of discs of 1 m at `position` (n, dim) [m] in open space, unless told otherwise."""
-    position = np.asarray(position, float)
-    n, dim = position.shape
-    usual = {
-        "dim": dim,
-        "lengths": (np.inf,) * dim,
-        "periodic": (False,) * dim,
-        "shapes": [lsm.disc() if dim == 2 else lsm.sphere()],
-        "shape": np.zeros(n, int),
-        "scale": np.ones(n),
-        "density": 1000.0,
-    }
-    return lsm.Scene(position=position, effects=effects, **usual | more)

@@ -6,7 +6,8 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows import shape_roughness, shear_gouge
-from workflows.accuracy import Trial, scene_of, seconds_per_step
+from workflows.accuracy import Trial, seconds_per_step
+from workflows.few_grains import scene_of
 
 PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.accuracy import Trial
 
 VARIABLES = {
     "value": (("knob", "setting"), "1", "setting as a number, in the unit of the knob"),
@@ -50,3 +51,15 @@ def write_trials(path, trials, attributes):
     dataset.to_netcdf(partial)
     os.replace(partial, path)
     return lsm.open_run(path)
+
+
+def read_trials(path):
+    """The trials of accuracy.nc, as they were written but for their order."""
+    table = lsm.open_run(path)
+    quantities, knobs = table.quantity_name.values, table.knob_name.values
+    trials = []
+    for q, k, s, r in np.argwhere(~np.isnan(table.error.values)):
+        where = (str(knobs[k]), str(table.setting_name.values[k, s]), float(table.value.values[k, s]))
+        costs = float(table.cost.values[q, k, s]), float(table.relative_cost.values[q, k, s])
+        trials.append(Trial(*where, str(quantities[q]), int(r), float(table.error.values[q, k, s, r]), *costs))
+    return trials

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 import taichi_lsm as lsm
 
 HERE = Path(__file__).parent
@@ -87,24 +85,6 @@ class Bench:
         if make_up is not None:
             self._made[make_up] = sim
         return sim
-
-
-def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, **more):
-    """Scene of grains at `position` (n, dim) [m], in open space unless told otherwise; discs or spheres of 1 m."""
-    position = np.asarray(position, float)
-    n, dim = position.shape
-    return lsm.Scene(
-        dim=dim,
-        lengths=lengths or (np.inf,) * dim,
-        periodic=periodic or (False,) * dim,
-        shapes=shapes or [lsm.disc() if dim == 2 else lsm.sphere()],
-        shape=np.broadcast_to(shape, n).copy(),
-        position=position,
-        scale=np.broadcast_to(scale, n).astype(float),
-        density=more.pop("density", 1000.0),
-        effects=effects,
-        **more,
-    )
 
 
 def worst_balance(sim, steps, samples=20):

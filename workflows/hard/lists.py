@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.hard import hard, refused, scene_of
+from workflows.few_grains import scene_of
+from workflows.hard import hard, refused
 
 STIFFNESS = 1e6  # [N m-1]
 ROWS = 6  # of a square lattice of discs

@@ -3,7 +3,8 @@
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.hard import hard, scene_of
+from workflows.few_grains import scene_of
+from workflows.hard import hard
 
 STIFFNESS = 1e6  # [N m-1]
 ROWS = 6  # of a lattice of discs

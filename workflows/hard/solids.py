@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.hard import error_of_impact, hard, scene_of
+from workflows.few_grains import scene_of
+from workflows.hard import error_of_impact, hard
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
 FLAT = 5e-3  # bound in f32: 1e-6 m, the rounding of face radii of some meters, is some 1e-3 of the overlaps

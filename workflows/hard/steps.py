@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.hard import hard, refused, scene_of, steps_until_stopped
+from workflows.few_grains import scene_of
+from workflows.hard import hard, refused, steps_until_stopped
 
 STIFFNESS = 1e5  # [N m-1]
 MASS = 250.0 * np.pi  # of a disc of 1 m [kg]
