@@ -38,6 +38,7 @@ class Params(BaseParams):
     contacts: float = Field(100.0, gt=0, description="time that the gas is followed [contact durations]")
     timed_steps: int = Field(3000, ge=30, description="steps that are timed at once [1]")
     turns: int = Field(5, ge=1, description="times that each cost is measured, in turn [1]")
+    shape_turns: int = Field(3, ge=1, description="times that the layers of each shape are sheared, in turn [1]")
     impacts: int = Field(48, ge=4, description="impacts of ellipses, each turned otherwise [1]")
     patches: list[int] = Field([12, 18, 30, 60, 120], description="patches per grain [1]")
     discs: list[int] = Field([12, 30, 60], description="discs per clump [1]")
@@ -47,7 +48,7 @@ class Params(BaseParams):
         ["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
     )
     knobs: list[Knob] = Field(list(gouge.KNOBS), description="physical choices to measure")
-    most_settings: int = Field(4, ge=2, le=4, description="settings of each physical choice [1]")
+    most_settings: int = Field(4, ge=3, le=4, description="settings of each physical choice, with the usual one [1]")
     seeds: int = Field(4, ge=2, description="runs of each setting of a layer [1]")
     strain: float = Field(3.0, gt=1.2, description="shear strain of the layers [1]")
     long_strain: float = Field(33.0, ge=0, description="strain of the runs that measure strain and seeds; 0: none [1]")
@@ -61,13 +62,14 @@ class Params(BaseParams):
             "contacts": 10.0,
             "timed_steps": 300,
             "turns": 1,
+            "shape_turns": 1,
             "impacts": 4,
             "patches": [12, 30],
             "discs": [12],
             "corners": [],
             "long_shapes": ["sphere"],
             "knobs": ["stiffness_number"],
-            "most_settings": 2,
+            "most_settings": 3,
             "seeds": 2,
             "strain": 1.5,
             "long_strain": 0.0,
@@ -75,6 +77,7 @@ class Params(BaseParams):
         },
         "demo": {
             "turns": 3,
+            "shape_turns": 2,
             "patches": [12, 30, 60],
             "discs": [12, 30],
             "corners": [],
@@ -139,10 +142,11 @@ def of_shapes(params, report):
     """Trials of patches, discs per clump and corner radius."""
     wanted = [("round", 0)] + [("patches", n) for n in params.patches] + [("discs", n) for n in params.discs]
     wanted += [("corner", r) for r in params.corners]
-    rows = {}
-    for kind, count in wanted:
-        rows[kind, count] = alone(outlines.measure_layer, params, kind, count)
-        report("shapes", f"{kind} {count:g}")
+    rows = {key: [] for key in wanted}
+    for _ in range(params.shape_turns):
+        for kind, count in wanted:
+            rows[kind, count].append(alone(outlines.measure_layer, params, kind, count))
+            report("shapes", f"{kind} {count:g}")
     trials = outlines.trials_of(rows)
     relative = {t.value: t.relative for t in trials if t.knob == "patches"}
     if params.corners:

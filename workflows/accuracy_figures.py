@@ -12,6 +12,7 @@ NAMES = {
     "onset_verlet": "Verlet with onset correction",
     "forest_ruth": "Forest-Ruth, 4th order",
 }
+WORDS = {"step_safety": "time step", "platen_diameter": "roughness of the walls"}
 PANELS = (  # title, quantities
     ("One collision of two discs", ("energy after a collision",)),
     ("Gas of 225 grains of 30 arcs", ("energy drift of a gas",)),
@@ -31,12 +32,14 @@ LABELS = {
 SHAPES = {"sphere": "discs", "angular": "angular grains"}
 WRITTEN = ("shape error", "motion after an impact of ellipses", "friction")  # panels whose points bear their settings
 LEAST_SPAN = 3.0  # of the axis of times, last over first
+STEEPEST = 10.0  # power of the time that is written; beyond, the time hardly changes
+LEGEND_ROW = 0.042  # of the height of a panel
 
 
 def named(knob):
     """A knob in words."""
     first, _, rest = knob.partition(", ")
-    name = f"step of {NAMES[first]}" if first in NAMES else first.replace("_", " ")
+    name = f"step of {NAMES[first]}" if first in NAMES else WORDS.get(first, first.replace("_", " "))
     return name + (f", {SHAPES.get(rest, rest)}" if rest else "")
 
 
@@ -46,7 +49,7 @@ def plot_work_precision(path, found):
     from matplotlib.figure import Figure
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-    figure = Figure(figsize=(15, 12), layout="constrained")
+    figure = Figure(figsize=(15, 10.5), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, (title, quantities) in zip(figure.subplots(2, 3).flat, PANELS, strict=True):
         own = [curve for (_, quantity), curve in found.items() if quantity in quantities]
@@ -55,7 +58,7 @@ def plot_work_precision(path, found):
             if not known.any():
                 continue
             slope = curve.slope() if curve.resolved() else math.nan
-            text = named(curve.knob) + (f" ({slope:.1f})" if math.isfinite(slope) else "")
+            text = named(curve.knob) + (f" ({slope:.1f})" if abs(slope) < STEEPEST else "")
             error = np.where(np.isfinite(curve.error_se), curve.error_se, 0.0)[known]
             low = np.minimum(error, 0.7 * curve.error[known])
             style = {"color": colour, "fmt": "o-", "ms": 4, "lw": 1.3, "capsize": 2, "label": text}
@@ -74,8 +77,12 @@ def plot_work_precision(path, found):
             if _narrow(axis):
                 axis.set_major_formatter(FormatStrFormatter("%g"))
         axes.grid(True, which="major", color="0.9")
-        if axes.get_legend_handles_labels()[0]:
-            axes.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.11), ncols=2)
+        entries = len(axes.get_legend_handles_labels()[0])
+        if entries:
+            part = LEGEND_ROW * (entries + 1)  # of the height, above the lines
+            low, high = axes.get_ylim()
+            axes.set_ylim(low, high * (high / low) ** (part / (1.0 - part)))
+            axes.legend(fontsize=7.5, frameon=False, loc="upper right")
     figure.suptitle("Error against time; in brackets the power of the time with which the error falls")
     figure.savefig(path, dpi=120)
 

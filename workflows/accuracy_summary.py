@@ -19,7 +19,7 @@ OWN = {  # quantities whose knobs are each judged by themselves: the default of 
 }
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
 FREE = 1.05  # times as long: less cannot be told from no time at all
-FARTHEST = 1e6  # times as long, at the border of the figure
+FARTHEST = 1e5  # times as long, at the border of the figure
 
 
 @dataclass(frozen=True)
@@ -107,10 +107,10 @@ def plot_summary(path, found):
         if not bar.note:
             axes.plot([begin], [i], "o", color=colour, ms=6)
             axes.barh(i, end - begin, left=begin, height=0.55, color=colour, alpha=1.0 if bar.default else 0.45)
-        place = 1.1 if bar.note else end * 1.12
-        inside = end > 1e4
+        left = end > 1e3  # where no room is left beyond the bar
+        place = 1.15 if bar.note else begin / 1.3 if left else end * 1.25
         style = {"va": "center", "fontsize": 8, "color": "0.4" if bar.note else "black"}
-        axes.text(end / 1.2 if inside else place, i, text_of(bar), ha="right" if inside else "left", **style)
+        axes.text(place, i, text_of(bar), ha="right" if left else "left", **style)
     axes.axvline(1.0, color="0.3", lw=1.0)
     axes.set_yticks(range(len(bars)), [bar.name for bar in bars], fontsize=8.5)
     axes.set(xscale="log", xlim=(0.3, FARTHEST), ylim=(len(bars) - 0.4, -0.6))

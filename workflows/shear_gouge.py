@@ -252,23 +252,29 @@ def consolidate(sim, layer, recorder, params):
 
 
 def shear(sim, layer, recorder, params, report):
-    """Move the top platen at the velocity of the inertial number until the strain is reached."""
+    """Move the top platen at the velocity of the inertial number until the strain is reached.
+
+    Returns grain steps per second [s-1] after the first row, in which kernels are compiled; nan if there is one row.
+    """
     velocity = params.inertial_number / params.inertial_time * layer.thickness
     sim.platens.set("top", 0, _driven(params, velocity, sim.platens.drives[1][1].inertia))
     layer.begin_shear()
     steps_per_row = params.inertial_time / (params.inertial_number * params.rows_per_strain * sim.dt)
     chunk = max(1, round(steps_per_row / SAMPLES_PER_ROW))
-    unit = 1
+    unit, began = 1, None
     while layer.strain < params.strain:
         for _ in range(SAMPLES_PER_ROW):
             sim.run(chunk)
             layer.sample()
         report(recorder.row(2))
+        began = began or (time.perf_counter(), sim.step)
         if layer.strain >= unit:
             recorder.snapshot()
             unit += 1
     if unit - 1 < params.strain:  # the last snapshot is older than the end
         recorder.snapshot()
+    steps = sim.step - began[1]
+    return steps * len(sim) / (time.perf_counter() - began[0]) if steps else np.nan
 
 
 def run(params, out, progress=None):
@@ -322,10 +328,7 @@ def _record(sim, layer, out, params, report):
         consolidate(sim, layer, recorder, params)
         recorder.snapshot()
         recorder.run.flush()
-        began_shear, step = time.perf_counter(), sim.step
-        shear(sim, layer, recorder, params, report)
-        rate = (sim.step - step) * len(sim) / (time.perf_counter() - began_shear)
-    return rate
+        return shear(sim, layer, recorder, params, report)
 
 
 def _progress(row, params, layer, first, last):

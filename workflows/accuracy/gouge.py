@@ -29,13 +29,14 @@ def layer(params, shape, seed, **changes):
 
 
 def jobs_of(params, shape, knobs, out):
-    """{(knob, setting, seed): job} of all runs; settings that are those of the base layer share its runs."""
+    """{(knob, setting, seed): job} of all runs, in turn: settings change first. Those that are settings of the base
+    layer share its runs."""
     base = layer(params, shape, params.seed)
     jobs = {}
-    for knob in knobs:
-        for setting in KNOBS[knob][-params.most_settings :]:
-            same = getattr(base, knob) == setting
-            for seed in range(params.seed, params.seed + params.seeds):
+    for seed in seeds_of(params):
+        for knob in knobs:
+            for setting in KNOBS[knob][-params.most_settings :]:
+                same = getattr(base, knob) == setting
                 label = f"{shape}-base-{seed}" if same else f"{shape}-{knob}-{setting:g}-{seed}"
                 changes = {} if same else {knob: setting}
                 of_run = layer(params, shape, seed, **changes)
@@ -43,14 +44,14 @@ def jobs_of(params, shape, knobs, out):
     return jobs
 
 
-def run_missing(jobs, at_a_time, progress=None):
+def run_missing(jobs, at_a_time):
     """As `run_replicas`, but runs that are there, complete and of the same parameters are not made again."""
 
     def there(job):
         files = [Path(job[3]) / name for name in ("run.nc", "summary.json", "config.toml")]
         return all(f.exists() for f in files) and files[2].read_text(encoding="utf-8") == to_toml(job[2])
 
-    run_replicas([job for job in jobs if not there(job)], at_a_time, progress)
+    run_replicas([job for job in jobs if not there(job)], at_a_time)
     return [Path(job[3]) for job in jobs]
 
 
@@ -73,30 +74,34 @@ def measured(folder, of_run):
     }
 
 
-def measure_knobs(params, shape, knobs, out, usual, progress=None):
+def measure_knobs(params, shape, knobs, out, usual):
     """(trials, {(knob, setting, seed): measured}, usual) of these knobs; usual [s]: cost of the layer of discs, None if
     it is to be found here."""
     jobs = jobs_of(params, shape, knobs, out)
-    for timed in (True, False):  # the first seed of each setting alone, for its cost
-        unique = {job[0]: job for key, job in jobs.items() if timed == (key[2] == params.seed)}
-        run_missing(list(unique.values()), 1 if timed else 2, progress)
+    run_missing(list({job[0]: job for job in jobs.values()}.values()), 1)  # they are timed
     found = {key: measured(Path(job[3]), job[2]) for key, job in jobs.items()}
     base = layer(params, shape, params.seed)
+    cost = costs_of(found)
     if usual is None:
-        usual = next(m["cost"] for (knob, s, _), m in found.items() if s == getattr(base, knob))
+        usual = next(c for (knob, s), c in cost.items() if s == getattr(base, knob))
     trials = []
     for knob in knobs:
         settings = KNOBS[knob][-params.most_settings :]
         for quantity in QUANTITIES:
             of_last = [found[knob, settings[-1], seed][quantity] for seed in seeds_of(params)]
             for setting in settings:
-                own = [found[knob, setting, seed] for seed in seeds_of(params)]
-                cost = own[0]["cost"]
-                for replica, run in enumerate(own):
-                    error = abs(run[quantity] - float(np.mean(of_last)))
+                of_knob = cost[knob, setting]
+                for replica, seed in enumerate(seeds_of(params)):
+                    error = abs(found[knob, setting, seed][quantity] - float(np.mean(of_last)))
                     where = (f"{knob}, {shape}", f"{setting:g}", setting, quantity, replica)
-                    trials.append(Trial(*where, error, cost, cost / usual))
+                    trials.append(Trial(*where, error, of_knob, of_knob / usual))
     return trials, found, usual
+
+
+def costs_of(found):
+    """{(knob, setting): median over the seeds of what a unit of strain costs [s]}."""
+    keys = dict.fromkeys((knob, setting) for knob, setting, _ in found)
+    return {key: float(np.median([m["cost"] for k, m in found.items() if k[:2] == key])) for key in keys}
 
 
 def of_steps(params, found):
@@ -113,7 +118,7 @@ def of_steps(params, found):
     apart = abs(float(means[coarse].mean() - means[finest].mean()))
     error = float(np.sqrt(sum(m.var(ddof=1) for m in means.values()) / len(seeds)))
     bias = max(apart, error)
-    cost = {s: found["step_safety", s, params.seed]["cost"] for s in (coarse, base)}
+    cost = {s: costs_of(found)["step_safety", s] for s in (coarse, base)}
     return {
         "bias_of_step": {f"{coarse:g}": bias, f"{base:g}": 0.0},
         "cost_of_step": {f"{coarse:g}": cost[coarse] / cost[base], f"{base:g}": 1.0},

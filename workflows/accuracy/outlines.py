@@ -58,15 +58,18 @@ def measure_layer(params, kind, count):
 
 
 def trials_of(rows):
-    """Trials from {(kind, count): what `measure_layer` gave}, with ("round", 0) for the discs."""
-    _, seconds, step, _ = rows["round", 0]
-    usual = seconds / step
+    """Trials from {(kind, count): [what `measure_layer` gave, by turn]}, with ("round", 0) for the discs."""
+
+    def cost(of_kind):
+        return float(np.median([seconds / step for _, seconds, step, _ in of_kind]))
+
+    usual = cost(rows["round", 0])
     trials = []
     names = {"patches": "patches", "discs": "discs of a clump", "corner": "corner radius"}
-    for (kind, count), (error, taken, dt, _) in rows.items():
+    for (kind, count), of_kind in rows.items():
         if kind in names:
             where = (names[kind], f"{count:g}", count, "shape error", 0)
-            trials.append(Trial(*where, error, taken / dt, taken / dt / usual))
+            trials.append(Trial(*where, of_kind[0][0], cost(of_kind), cost(of_kind) / usual))
     return trials
 
 

@@ -12,7 +12,7 @@ from workflows.accuracy import Trial
 VARIABLES = {
     "value": (("knob", "setting"), "1", "setting as a number, in the unit of the knob"),
     "error": (("quantity", "knob", "setting", "replica"), "1", "deviation from the reference, or standard error"),
-    "cost": (("quantity", "knob", "setting"), "s", "processor time of one grain for one unit of physical time"),
+    "cost": (("quantity", "knob", "setting"), "s", "core time of a second of a grain; of layers: of a unit of strain"),
     "relative_cost": (("quantity", "knob", "setting"), "1", "cost over that of discs at the default settings"),
 }
 
