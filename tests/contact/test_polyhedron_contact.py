@@ -98,6 +98,8 @@ def pairs(runtime, table):
         for _ in range(8):
             gap, n = least((table[shape[p, 0]], table[shape[p, 1]]), scale[p], turn[p], reach * towards[p])
             reach += (gap - wanted) / (n @ towards[p])
+            if abs(gap - wanted) < 0.01 * wanted:
+                break
         c[p] = reach * towards[p]
     centre = 6.0 * np.stack(np.unravel_index(np.arange(PAIRS), (8, 4, 4)), axis=1)
     quaternion = np.array([[q.as_quat(scalar_first=True) for q in two] for two in turn]).reshape(-1, 4)
