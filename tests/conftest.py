@@ -9,6 +9,7 @@ import json
 import os
 import sys
 import warnings
+from collections import Counter
 
 import pytest
 from _pytest.runner import runtestprotocol
@@ -18,6 +19,12 @@ from tests import scenes
 MOST_NODES = 1024
 
 _reports = {}  # of the present module, by test
+
+
+def pytest_collection_modifyitems(items):
+    """Modules of few tests first: those take long, and at the end one process would wait for the other."""
+    count = Counter(item.path for item in items)
+    items.sort(key=lambda item: (count[item.path], item.path))
 
 
 @pytest.hookimpl(tryfirst=True)

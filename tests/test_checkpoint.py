@@ -69,7 +69,7 @@ def digest(sim):
     return result.hexdigest(), sim.step, sim.rebuilds
 
 
-@pytest.mark.parametrize("name", ["layer", pytest.param("arcs", marks=pytest.mark.validate)])
+@pytest.mark.parametrize("name", SCENES)
 def test_a_restored_run_gives_the_same_bits(runtime, tmp_path, name):
     file = tmp_path / "checkpoint.nc"
     first = scenes.simulate(SCENES[name]())

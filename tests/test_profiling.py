@@ -51,7 +51,7 @@ def test_profile_without_a_step_is_refused(gallery):
         lsm.profile(sim)
 
 
-@pytest.mark.parametrize("name", ["frictional_discs", pytest.param("elastic_arcs", marks=pytest.mark.validate)])
+@pytest.mark.parametrize("name", ["frictional_discs", "elastic_arcs"])
 def test_a_thread_per_grain_gives_the_same_bits(gallery, name):
     """What a GPU runs: a launch for each stage and a thread for each grain."""
     sim = gallery(name)

@@ -219,7 +219,6 @@ def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, m
     assert not same(state(discs), reference)
 
 
-@pytest.mark.validate
 def test_bits_do_not_depend_on_threads(tmp_path):
     digests = []
     for threads in (1, 2):
