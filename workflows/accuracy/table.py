@@ -1,0 +1,18 @@
+"""All curves of a file accuracy.nc as text: `python -m workflows.accuracy.table out/accuracy.nc` prints them."""
+
+import sys
+
+from workflows.accuracy.curves import curves
+from workflows.accuracy.trials_file import read_trials
+
+
+def lines_of(trials):
+    """For each quantity [1] and knob the order in the value of the knob, then a line for each setting."""
+    for curve in curves(trials).values():
+        yield f"{curve.quantity}; {curve.knob}: order {curve.order():.2f}"
+        rows = zip(curve.setting, curve.error, curve.error_se, curve.relative)
+        yield from (f"  {s:22s} error {e:.3g} +- {se:.1g}, time {cost:.3g}" for s, e, se, cost in rows)
+
+
+if __name__ == "__main__":
+    print("\n".join(lines_of(read_trials(sys.argv[1]))))
