@@ -94,16 +94,6 @@ class Params(BaseParams):
         "reference": {"seeds": 16, "long_strain": 65.0, "long_runs": 16, "replicas": 16},
     }
 
-    @property
-    def layer(self):
-        """The sheared layers."""
-        return {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}
-
-    @property
-    def shape_layer(self):
-        """The layers in which shapes are timed."""
-        return {"layer_thickness": 8.0, "length": 8.0, "inertial_number": 1e-2, "strain": 1.2}
-
 
 def alone(function, *arguments):
     """What a function returns in a process of its own, beside which we do nothing."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workflows import shear_gouge
+from workflows.accuracy.gouge import LAYER
 from workflows.accuracy_figures import COLOURS, LABELS, named
 
 DEFAULTS = {  # curve that a quantity is judged by, and its default; None: the setting that costs what discs cost
@@ -12,11 +14,9 @@ DEFAULTS = {  # curve that a quantity is judged by, and its default; None: the s
     "energy drift of a gas": ("onset_verlet", None),
     "shape error": ("patches", 30),
 }
-OWN = {  # quantities whose knobs are each judged by themselves: the default of each
-    "friction": {"stiffness_number": 1000.0, "inertial_number": 5e-3, "layer_thickness": 12.0}
-    | {"length": 14.0, "step_safety": 0.4},
-    "statistical error of friction": {"strain": 1, "seeds": 1},
-}
+OWN = ("friction", "statistical error of friction")  # quantities whose knobs are each judged by themselves
+QUANTITIES = (*DEFAULTS, *OWN)
+NO_AXIS = "platen_diameter"  # of walls no roughness is the most accurate one
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
 FREE = 1.05  # times as long: less cannot be told from no time at all
 FARTHEST = 1e5  # times as long, at the border of the figure
@@ -36,25 +36,25 @@ class Bar:
 
 
 def default_of(found, curve):
-    """(error, relative cost) of the default settings for a curve, None if it has none."""
-    own = OWN.get(curve.quantity)
-    if own is not None:
-        knob, value = curve, own.get(curve.knob.split(", ")[0])
-        if value is None:
-            return None
+    """(error, relative cost) of the default settings for a curve, None if they were not measured."""
+    if curve.quantity == "friction":
+        judge, value = curve, getattr(shear_gouge.Params(**LAYER), curve.knob.split(", ")[0])
+    elif curve.quantity in OWN:  # of strain and seeds: one of them
+        judge, value = curve, 1
     else:
         name, value = DEFAULTS[curve.quantity]
-        knob = found.get((name, curve.quantity))
-        if knob is None:
+        judge = found.get((name, curve.quantity))
+        if judge is None:
             return None
-    distance = np.abs(np.log(knob.relative if value is None else knob.value / value))
+    distance = np.abs(np.log(judge.relative if value is None else judge.value / value))
     at = int(np.nanargmin(distance))
-    return float(knob.error[at]), float(knob.relative[at])
+    return float(judge.error[at]), float(judge.relative[at])
 
 
 def bar_of(found, curve):
     """The Bar of a curve, None if it has no default to be judged by or was not measured well enough to have one."""
-    known = default_of(found, curve) if curve.quantity in DEFAULTS | OWN else None
+    judged = curve.quantity in QUANTITIES and not curve.knob.startswith(NO_AXIS)
+    known = default_of(found, curve) if judged else None
     if known is None or math.isnan(curve.slope()):
         return None
     (error, cost), name = known, named(curve.knob)
@@ -72,9 +72,8 @@ def bar_of(found, curve):
 
 def bars_of(found):
     """All bars, by quantity and within it by the time that a tenth of the error takes."""
-    order = list(DEFAULTS | OWN)
     bars = [bar for bar in (bar_of(found, curve) for curve in found.values()) if bar]
-    return sorted(bars, key=lambda b: (order.index(b.quantity), b.note == UNRESOLVED, b.note == NEVER, b.end))
+    return sorted(bars, key=lambda b: (QUANTITIES.index(b.quantity), b.note == UNRESOLVED, b.note == NEVER, b.end))
 
 
 def text_of(bar):
@@ -98,7 +97,7 @@ def plot_summary(path, found):
     axes = figure.subplots()
     last = None
     for i, bar in enumerate(bars):
-        colour = COLOURS[list(DEFAULTS | OWN).index(bar.quantity)]
+        colour = COLOURS[QUANTITIES.index(bar.quantity)]
         if bar.quantity != last:
             axes.text(FARTHEST * 1.15, i, LABELS[bar.quantity], color=colour, fontsize=9, va="center")
             axes.axhline(i - 0.5, color="0.7", lw=0.7)

@@ -143,8 +143,9 @@ def shear(params, kind, elements, out):
 
 
 def rate_of(out):
-    """Grains times steps per second of the run in the folder `out`."""
-    return json.loads((Path(out) / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
+    """Grains times steps per second of the run in the folder `out`; nan if it was too short to tell."""
+    value = json.loads((Path(out) / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
+    return np.nan if value is None else value
 
 
 def measure(params, out, progress=None):

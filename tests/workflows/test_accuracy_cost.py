@@ -9,6 +9,7 @@ import taichi_lsm as lsm
 from workflows import accuracy_cost, shear_gouge, target_error
 from workflows.accuracy import Trial, gouge, order
 from workflows.accuracy.curves import curves
+from workflows.accuracy.table import lines_of
 from workflows.accuracy.trials_file import read_trials, write_trials
 from workflows.accuracy_figures import plot_work_precision
 from workflows.accuracy_summary import NEVER, bars_of, plot_summary
@@ -59,6 +60,18 @@ def test_the_headline_is_taken_at_equal_error(trials):
     assert figures["cost_ratio_clumps"].value == pytest.approx(1e-2 * needed / (1e-4 * 30))
     worse = [t for t in trials if t.quantity != AFTER or t.knob != "onset_verlet"] + falling("onset_verlet", AFTER, 2.0)
     assert not accuracy_cost.analyse(worse)["order_onset_verlet"].holds
+
+
+def test_a_skin_that_misses_a_pair_does_not_pass(trials):
+    def skins(difference):
+        return [
+            Trial("skin", f"{s} d", s, "difference of positions", 0, d, 1.0, 1.0)
+            for s, d in ((0.03, difference), (0.07, 0.0))
+        ]
+
+    assert accuracy_cost.analyse(trials + skins(0.0))["skin_difference"].holds
+    assert not accuracy_cost.analyse(trials + skins(1e-12))["skin_difference"].holds
+    assert "  0.03 d                 error 1e-12 +- nan, time 1" in lines_of(skins(1e-12))
 
 
 def test_file_and_figures_hold_every_trial(trials, tmp_path):

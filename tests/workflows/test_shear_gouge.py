@@ -1,5 +1,7 @@
 """The experiment on one layer: refused inputs, the state it reaches, and how it fails."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -91,6 +93,34 @@ def test_the_files_tell_how_they_were_made(sheared, shape):
     assert grains.run_status == "complete"
     assert float(grains.time[-1]) == float(dataset.time[-1])
     assert {"run.nc", "grains.nc", "summary.json", "config.toml"} <= {p.name for p in folder.iterdir()}
+
+
+@pytest.mark.parametrize(("rows", "rate"), [(5, 40.0), (1, np.nan)])
+def test_the_speed_of_a_run_leaves_out_the_row_in_which_it_compiles(monkeypatch, rows, rate):
+    """Ten grains; a row is four steps and takes a second, the first one a hundred more."""
+    layer = SimpleNamespace(thickness=1.0, strain=0.0, begin_shear=lambda: None, sample=lambda: None)
+
+    class Sim:
+        dt, step, platens = (
+            1.0,
+            0,
+            SimpleNamespace(drives=[[], [None, SimpleNamespace(inertia=1.0)]], set=lambda *a: None),
+        )
+
+        def __len__(self):
+            return 10
+
+        def run(self, steps):
+            self.step += steps
+            layer.strain = self.step / (4 * rows)
+
+    sim = Sim()
+    monkeypatch.setattr(shear_gouge, "_driven", lambda *given: None)
+    monkeypatch.setattr(shear_gouge, "SAMPLES_PER_ROW", 4)
+    monkeypatch.setattr(shear_gouge.time, "perf_counter", lambda: 100.0 * (sim.step > 0) + sim.step / 4)
+    params = SimpleNamespace(inertial_number=0.1, inertial_time=0.4 * rows, rows_per_strain=rows, strain=1.0)
+    recorder = SimpleNamespace(row=lambda stage: None, snapshot=lambda: None)
+    assert shear_gouge.shear(sim, layer, recorder, params, lambda row: None) == pytest.approx(rate, nan_ok=True)
 
 
 def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_rate(sheared):

@@ -72,7 +72,7 @@ def measure_gas(params, group):
     sims = {"discs": discs}
     for scheme in GROUPS[group]:
         sims[scheme] = lsm.Simulation(gas(params, scheme, 200, params.seed), precision=params.precision)
-    cost = seconds_per_step(sims, 3 * params.timed_steps // 3, params.turns)
+    cost = seconds_per_step(sims, params.timed_steps // 3 * 3, params.turns)
     trials = []
     for scheme in GROUPS[group]:
         for n in LEVELS:

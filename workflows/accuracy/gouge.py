@@ -10,7 +10,9 @@ from workflows import shear_gouge
 from workflows.accuracy import Trial
 from workflows.replicas import run_replicas
 from workflows.settings import to_toml
+from workflows.shape_roughness import rate_of
 
+LAYER = {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}  # whose settings are changed one at a time
 KNOBS = {  # settings; the last one is the reference, the most accurate or, of the platens, the usual one
     "stiffness_number": (300.0, 1000.0, 3000.0, 10_000.0),
     "inertial_number": (1e-2, 5e-3, 2.5e-3, 1.25e-3),
@@ -25,7 +27,7 @@ QUANTITIES = ("friction", "dilation", "coordination", "stress fluctuation")
 
 def layer(params, shape, seed, **changes):
     """Parameters of one run."""
-    return shear_gouge.Params(**params.layer | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
+    return shear_gouge.Params(**LAYER | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
 
 
 def jobs_of(params, shape, knobs, out):
@@ -62,15 +64,15 @@ def measured(folder, of_run):
     steady = sheared.isel(time=sheared.shear_strain.values >= of_run.steady_from)
     friction = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, of_run.steady_from)
     begin = float(dataset.layer_thickness.values[dataset.stage.values < 2][-1])
-    rate = json.loads((folder / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
-    steps = (float(sheared.time[-1]) - float(sheared.time[0])) / dataset.dt / float(sheared.shear_strain[-1])
+    first, last = sheared.isel(time=0), sheared.isel(time=-1)
+    steps = float(last.time - first.time) / dataset.dt / float(last.shear_strain - first.shear_strain)
     return {
         "friction": friction.mean,
         "friction_se": friction.standard_error,
         "dilation": float(steady.layer_thickness.mean()) / begin - 1.0,
         "coordination": float(steady.coordination_number.mean()),
         "stress fluctuation": float(steady.shear_stress.std() / steady.normal_stress.mean()),
-        "cost": steps / rate * lsm.open_run(folder / "grains.nc").sizes["grain"],
+        "cost": steps / rate_of(folder) * lsm.open_run(folder / "grains.nc").sizes["grain"],
     }
 
 

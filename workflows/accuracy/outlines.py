@@ -13,6 +13,7 @@ PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump
 CORNERS = (0.2, 0.1, 0.05, 0.03)  # radius, in diameters
 SHARPEST = 0.02
+LAYER = {"layer_thickness": 8.0, "length": 8.0, "inertial_number": 1e-2, "strain": 1.2}  # in which shapes are timed
 STIFFNESS = 1e7  # [N m-1], of impacts
 SPEED = 1.0  # [m s-1], of impacts
 MOST_PATCHES = 300
@@ -27,7 +28,7 @@ def polygons(params, corner_radius=0.05):
 
 def layer_cost(params, shapes):
     """(seconds for one grain and step, step over the inertial time, friction) of a sheared layer of these shapes."""
-    of_run = shear_gouge.Params(shape="angular", seed=params.seed, **params.shape_layer)
+    of_run = shear_gouge.Params(shape="angular", seed=params.seed, **LAYER)
     scene = shear_gouge.build(of_run)
     mobile = scene.platen < 0
     scene.shapes = [scene.shapes[0], *shapes]
