@@ -24,11 +24,11 @@ OPERATIONS = {"fadd": "additions", "fsub": "additions", "fmul": "multiplications
 def serve(tag):
     """Compile the contacts of the scene; what Taichi writes goes to the present folder."""
     from benchmarks import scenes
-    from taichi_lsm.contact import lanes
+    from taichi_lsm.contact import contact_block as lanes
 
     lanes.WIDTH = 1
     import taichi_lsm as lsm
-    from taichi_lsm.profiling import StepStages
+    from taichi_lsm.measure.profiling import StepStages
 
     sim = lsm.Simulation(scenes.declared(tag, parallel=False)[0])
     StepStages(sim).contacts(1)

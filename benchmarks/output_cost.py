@@ -47,8 +47,9 @@ class Stopwatch:
 def serve(shape):
     """Run the experiment and print the seconds as JSON: of the whole, of samples, of files, of the picture."""
     import taichi_lsm as lsm
-    from taichi_lsm.sentinel import Sentinel
-    from workflows import plots, shear_gouge
+    from taichi_lsm.stepping.monitor import Sentinel
+    from workflows import shear_gouge
+    from workflows.plots import run_plots as plots
 
     samples, files, picture, looks, sums, faults = (Stopwatch() for _ in range(6))
     looks.watch(Sentinel, "_check_grains")

@@ -1,7 +1,7 @@
 """The file of the energies of one conservative run."""
 
-from .output import RunWriter
-from .schema import Variable
+from .core.schema import Variable
+from .io.run_file import RunWriter
 
 ENERGY_ROWS = [
     Variable("translational_energy", ("time",), "f64", "J", "kinetic energy of translation, Eq. (23)"),

@@ -4,15 +4,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .bonds import bond_rate, checked_bonds
-from .contact.surfaces import CURVED, kind_of
-from .domain import check_box, check_shear
+from .bonds.bond_network import bond_rate, checked_bonds
+from .boundaries.periodic_cell import check_box, check_shear
+from .boundaries.plane_walls import check_walls
+from .contact.surface_kinds import CURVED, kind_of
+from .core.errors import InputError
 from .effects import Bodies, Effect
-from .errors import InputError
-from .guards import Guards
-from .integrators import OnsetVerlet
-from .state import spin_size, turn_size
-from .walls import check_walls
+from .stepping.grain_state import spin_size, turn_size
+from .stepping.guards import Guards
+from .stepping.verlet import OnsetVerlet
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
 DEEP = 0.1  # of a grain's radius: depth at which laws that stiffen with it bound the step

@@ -6,24 +6,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .bonds import Bonds, FreedContacts, bond_law
-from .checkpoint import save_checkpoint
-from .contact.broad import NeighbourList, NeighbourSearch, grown
-from .contact.faults import Faults
+from .bonds.bond_network import Bonds, FreedContacts, bond_law
+from .boundaries.periodic_cell import Domain
+from .boundaries.plane_walls import Walls
+from .boundaries.platens import Platens
+from .contact.error_flags import Faults
+from .contact.neighbour_search import NeighbourList, NeighbourSearch, grown
 from .contact.pair_geometry import PairGeometry
-from .contact.pairs import Pairs
-from .contact.parts import PartTable
-from .contact.surfaces import surface_table
-from .diagnostics import Measure
-from .domain import Domain
-from .drives import Platens
-from .errors import InputError, SimulationError
-from .forces import ContactForces
-from .make_up import MakeUp
-from .runtime import allocating, start, when_allocated
-from .sentinel import Sentinel
-from .state import Grains
-from .walls import Walls
+from .contact.pair_storage import Pairs
+from .contact.part_table import PartTable
+from .contact.surface_kinds import surface_table
+from .core.errors import InputError, SimulationError
+from .core.runtime import allocating, start, when_allocated
+from .io.checkpoint import save_checkpoint
+from .measure.sums import Measure
+from .stepping.contact_forces import ContactForces
+from .stepping.grain_state import Grains
+from .stepping.kernel_spec import MakeUp
+from .stepping.monitor import Sentinel
 
 PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap

@@ -14,9 +14,10 @@ from collections import Counter
 import pytest
 from _pytest.runner import runtestprotocol
 
-from tests import scenes
+from tests.helpers import scenes
 
 MOST_NODES = 1024
+SMALL_LAYER = {"layer_thickness": 8, "length": 10, "inertial_number": 5e-3, "strain": 0.5, "steady_from": 0.2}
 
 _reports = {}  # of the present module, by test
 
@@ -75,15 +76,15 @@ def run_and_exit(config, items, file):
             reports.flush()
     sys.stdout.flush()
     sys.stderr.flush()
-    if "taichi_lsm.runtime" in sys.modules:
-        sys.modules["taichi_lsm.runtime"].ti.reset()  # writes the compiled kernels to the cache
+    if "taichi_lsm.core.runtime" in sys.modules:
+        sys.modules["taichi_lsm.core.runtime"].ti.reset()  # writes the compiled kernels to the cache
     os._exit(0)
 
 
 @pytest.fixture(scope="session")
 def runtime():
     """Taichi on one CPU thread, f64 unless LSM_TEST_PRECISION=f32."""
-    from taichi_lsm.runtime import start, ti
+    from taichi_lsm.core.runtime import start, ti
 
     yield start("cpu", scenes.PRECISION, 1)
     nodes = ti.field(ti.i32, ()).snode.ptr.id
@@ -99,5 +100,22 @@ def gallery(runtime):
         if name not in made:
             made[name] = scenes.simulate(scenes.gallery_scene(name))
         return made[name]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def sheared(runtime, tmp_path_factory):
+    """sheared(shape): (folder, parameters, run.nc as a Dataset) of a small 2D layer, sheared once per session."""
+    from workflows import shear_gouge
+
+    made = {}
+
+    def get(shape):
+        if shape not in made:
+            out = tmp_path_factory.mktemp(shape)
+            params = shear_gouge.Params(shape=shape, precision=runtime.precision, **SMALL_LAYER)
+            made[shape] = out, params, shear_gouge.run(params, out)
+        return made[shape]
 
     return get

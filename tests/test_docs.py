@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from workflows.discovery import find_workflows
+from workflows.cli.discovery import find_workflows
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]

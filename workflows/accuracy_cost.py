@@ -19,12 +19,12 @@ from pydantic import Field
 from workflows.accuracy import collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
-from workflows.accuracy_figures import plot_work_precision
-from workflows.accuracy_summary import plot_summary
-from workflows.run_table import attributes_of
-from workflows.settings import Params as BaseParams
-from workflows.settings import to_toml
-from workflows.summary import Figure, write_summary
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parameters import Params as BaseParams
+from workflows.common.parameters import to_toml
+from workflows.common.run_table import attributes_of
+from workflows.plots.tenfold import plot_summary
+from workflows.plots.work_precision import plot_work_precision
 
 Knob = Literal["stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"]
 

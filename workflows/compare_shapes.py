@@ -12,11 +12,13 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
-from workflows import plots, shear_gouge, signals
-from workflows.replicas import run_replicas
-from workflows.run_table import write_runs
-from workflows.settings import to_toml
-from workflows.summary import Figure, write_summary
+from workflows import shear_gouge
+from workflows.cli import signals
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parallel_runs import run_replicas
+from workflows.common.parameters import to_toml
+from workflows.common.run_table import write_runs
+from workflows.plots import run_plots
 
 SHAPES = ("sphere", "angular")
 
@@ -129,7 +131,7 @@ def run(params, out, progress=None):
         failure, status = stop, "interrupted"
     table = collect(runs, params, out, status)
     if status != "interrupted":
-        plots.plot_comparison(out)
+        run_plots.plot_comparison(out)
     figures = analyse(table)
     figures["seconds"] = Figure(time.perf_counter() - began, "s")
     if progress:

@@ -16,11 +16,11 @@ import numpy as np
 from pydantic import Field
 
 import taichi_lsm as lsm
-from workflows.energy_figure import plot_energy
-from workflows.run_table import attributes_of, write_runs
-from workflows.settings import Params as BaseParams
-from workflows.settings import to_toml
-from workflows.summary import Figure, write_summary
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parameters import Params as BaseParams
+from workflows.common.parameters import to_toml
+from workflows.common.run_table import attributes_of, write_runs
+from workflows.plots.energy_figure import plot_energy
 
 SEED_DRIFT = 0.025  # of the paper, its Figure 4
 BOUNDS = {  # of the drift at 50 and at 100 steps per contact, by dimension

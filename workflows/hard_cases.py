@@ -15,12 +15,12 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 import taichi_lsm as lsm
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parameters import Params as BaseParams
+from workflows.common.parameters import to_toml
+from workflows.common.run_table import write_runs
 from workflows.hard import Bench, cases_of, modules
-from workflows.hard_cases_figure import plot_cases
-from workflows.run_table import write_runs
-from workflows.settings import Params as BaseParams
-from workflows.settings import to_toml
-from workflows.summary import Figure, write_summary
+from workflows.plots.hard_cases import plot_cases
 
 STATUS = ("passed", "failed", "excepted")
 TEXTS = {

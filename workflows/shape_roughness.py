@@ -17,10 +17,10 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.run_table import write_runs
-from workflows.settings import Params as BaseParams
-from workflows.settings import to_toml
-from workflows.summary import Figure, write_summary
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parameters import Params as BaseParams
+from workflows.common.parameters import to_toml
+from workflows.common.run_table import write_runs
 
 COUNTS = (12, 18, 30, 60, 120)  # patches or discs per grain
 SIDES = 6

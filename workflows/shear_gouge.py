@@ -12,12 +12,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
-from workflows import plots
-from workflows.gouge_grains import breakable_grains, loose_grains, turned
-from workflows.settings import Params as BaseParams
-from workflows.settings import to_toml
-from workflows.summary import Figure, write_summary
-from workflows.target_runs import run_to_target
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parameters import Params as BaseParams
+from workflows.common.parameters import to_toml
+from workflows.gouge.initial_grains import breakable_grains, loose_grains, turned
+from workflows.gouge.target_runs import run_to_target
+from workflows.plots import run_plots
 
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
@@ -305,7 +305,7 @@ def simulate(scene, params, out, progress=None):
     try:
         rate = _record(sim, layer, out, params, report)
     except lsm.SimulationError as error:
-        plots.plot_stopped(out, error)
+        run_plots.plot_stopped(out, error)
         raise
     if params.profile:
         print(lsm.profile_text(sim))
@@ -313,7 +313,7 @@ def simulate(scene, params, out, progress=None):
     figures = analyse(dataset, params)
     figures["grain_steps_per_second"] = Figure(rate, "s-1")
     figures["seconds"] = Figure(time.perf_counter() - began, "s")
-    plots.plot_run(out)
+    run_plots.plot_run(out)
     write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
     return dataset
 

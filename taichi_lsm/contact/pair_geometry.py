@@ -1,9 +1,9 @@
 """Where two listed grains touch: spheres in closed form, all others by the geometry of their surfaces."""
 
-from ..runtime import current, ti, when_allocated
-from .faults import OVERLAP
-from .narrow import ROUND_CAP, sphere_overlap
-from .pairs import PART_BASE
+from ..core.runtime import current, ti, when_allocated
+from .error_flags import OVERLAP
+from .pair_storage import PART_BASE
+from .primitives import ROUND_CAP, sphere_overlap
 
 
 @ti.data_oriented

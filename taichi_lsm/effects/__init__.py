@@ -9,7 +9,7 @@ import os
 import pkgutil
 from pathlib import Path
 
-from ..errors import InputError
+from ..core.errors import InputError
 from .base import Bodies, Effect, HistoryValue, contact_type, effect_name, require
 
 

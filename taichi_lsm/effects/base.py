@@ -52,8 +52,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from ..runtime import current, ti, when_allocated
+from ..core.errors import InputError
+from ..core.runtime import current, ti, when_allocated
 
 PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond")
 ON_CONTACTS = PHASES[:4]

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..rotation import torque_of
-from ..runtime import ti
+from ..core.rotation import torque_of
+from ..core.runtime import ti
 from .base import Effect, require
 
 

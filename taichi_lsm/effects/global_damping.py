@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime import ti
+from ..core.runtime import ti
 from .base import Effect, require
 
 

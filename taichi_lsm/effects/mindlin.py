@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime import ti
+from ..core.runtime import ti
 from .base import Effect, HistoryValue, check_elastic_constants, require
-from .transport import transported
+from .tangential_spring import transported
 
 TINY = 1.0e-30  # keeps quotients finite where a force or a length is zero
 FULL = 1.0 - 1.0e-6  # of the limit: from here on a contact counts as sliding

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime import ti
+from ..core.runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import in_space, remember, slip_of, spring_of, square_of, stable_spring_step
+from .tangential_spring import in_space, remember, slip_of, spring_of, square_of, stable_spring_step
 
 ITERATIONS = 12  # of Newton's method, at most
 SETTLED = 1e-13  # change of ln(V/V_0), relative, at which Newton's method ends

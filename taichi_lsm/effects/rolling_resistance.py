@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..runtime import ti
+from ..core.runtime import ti
 from .base import Effect, HistoryValue, require
-from .transport import limited, remember, spring_of, square_of
+from .tangential_spring import limited, remember, spring_of, square_of
 
 
 @ti.data_oriented

@@ -1,17 +1,16 @@
 """Grain shapes: what a grain's surface is, and the ways to make one. Host code, no kernels."""
 
 from .aggregates import Aggregate, angular_aggregate
-from .arc_chain import arc_chain, from_polygon, regular_disc_of_arcs
+from .arc_chain import ArcChain, disc, sphere
 from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
+from .base import GrainShape, rescaled
 from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
-from .grain import GrainShape, rescaled
-from .laguerre import laguerre_tiles, pave_volume
-from .library import random_angular_shapes, regular_polygon
+from .ellipses import ellipse, superellipse
+from .laguerre_tiles import laguerre_tiles, pave_volume
 from .meshes import Misfit, from_mesh
 from .outlines import from_outline, outline_of_image
-from .ovals import ellipse, superellipse
-from .patch import ArcChain, disc, sphere
 from .paving import pave
+from .polygon_fit import arc_chain, from_polygon, regular_disc_of_arcs
 from .polyhedra import (
     ellipsoid,
     from_planes,
@@ -22,8 +21,9 @@ from .polyhedra import (
 )
 from .random_polygons import random_polygons
 from .storage import load_shapes, save_shapes
-from .tiling import PolygonMeasures, polygon_measures, voronoi_tiles
 from .union import Union, cross, placed, union
+from .voronoi_grains import random_angular_shapes, regular_polygon
+from .voronoi_tiles import PolygonMeasures, polygon_measures, voronoi_tiles
 
 # the seed's constructor by its natural name; the base class itself cannot know its subclasses
 GrainShape.from_patches = staticmethod(from_patches)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .patch import ArcChain
+from .arc_chain import ArcChain
 from .paving import fitted_grain
-from .tiling import voronoi_tiles
+from .voronoi_tiles import voronoi_tiles
 
 TILES = 4  # tiles of the plane per piece that is taken from it
 LEAST_SIDE = 0.1  # length of a side that counts as shared, in diameters of a piece

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .ball_cells import Features, cell_of_balls, spread
-from .grain import GrainShape, frozen_array
-from .polyhedron_mass import mass_of
+from .base import GrainShape, frozen_array
+from .mass_properties import mass_of
 
 SLACK = 1.25  # of a face's radius over the least that holds the other tangent points: less makes slivers
 CORNER_ROUNDING = 1e-9  # of a bound: a corner of a narrow cone is known no better

@@ -12,9 +12,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arc_chain import ArcChain
 from .ball_cells import spread
-from .grain import GrainShape, frozen_array
-from .patch import ArcChain
+from .base import GrainShape, frozen_array
 
 MOST_PATCHES = 1000
 CLOSED = 0.05  # uncovered plus doubly covered part above which the patches enclose no definite area or volume

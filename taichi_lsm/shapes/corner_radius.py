@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .grain import GrainShape
+from .base import GrainShape
 
 CORNER_TOLERANCE = 1e-10  # of the equivalent diameter
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arc_chain import from_polygon
-from .patch import ArcChain
+from .arc_chain import ArcChain
+from .polygon_fit import from_polygon
 
 STRAIGHT = 0.003  # of the equivalent diameter: points nearer to the line of their neighbours are left out
 CONCAVE = 0.02  # part by which the hull may exceed an outline that counts as convex

@@ -3,10 +3,10 @@
 import numpy as np
 import scipy
 
-from .arc_chain import from_polygon
-from .grain import rescaled
-from .patch import ArcChain
-from .tiling import voronoi_tiles
+from .arc_chain import ArcChain
+from .base import rescaled
+from .polygon_fit import from_polygon
+from .voronoi_tiles import voronoi_tiles
 
 
 def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):

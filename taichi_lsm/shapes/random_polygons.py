@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from .arc_chain import arc_chain
+from .arc_chain import ArcChain
 from .ball_polyhedron import SLACK
 from .corner_radius import meeting_corner
-from .ovals import unit_normals
-from .patch import ArcChain
+from .ellipses import unit_normals
+from .polygon_fit import arc_chain
 
 FLATTEST = 5.0  # radius of a side's arc, in sizes of the ellipse
 TRIES = 20  # draws of one random grain

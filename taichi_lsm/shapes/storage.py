@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..atomic_file import write_atomically
+from ..core.atomic_netcdf import write_atomically
+from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
+from .base import GrainShape
 from .cone_patches import PatchGrain
-from .grain import GrainShape
-from .patch import ArcChain
 from .union import Union
 
 CLASSES = {cls.__name__: cls for cls in (ArcChain, BallPolyhedron, PatchGrain, Union)}

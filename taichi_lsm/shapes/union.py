@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arc_chain import from_polygon
+from .arc_chain import ArcChain
 from .ball_cells import spread
 from .ball_polyhedron import BallPolyhedron
-from .grain import GrainShape
-from .patch import ArcChain
+from .base import GrainShape
+from .polygon_fit import from_polygon
 
 OUTLINE_POINTS = 4000  # of a member; two such outlines give moments to about 1e-8
 GRID = 72  # cells per axis that measure a 3D union, to about 1e-3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 
 pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="depths of 1e-4 to one in a million need f64")
 STIFFNESS = 1e5

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.core.rotation import rotate, turned
+from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import contact_type
 from taichi_lsm.effects.viscous_damping import damping_ratio_of
-from taichi_lsm.rotation import rotate, turned
-from taichi_lsm.runtime import ti
-from tests import scenes
-from tests.sliders import Sliders
+from tests.helpers import scenes
+from tests.helpers.sliders import Sliders
 
 K, MU, G = 1.0e8, 0.3, 10.0
 HARD = 1.0e12  # [N/m]: an impact is over before the discs have turned round each other

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 
 E, NU, DENSITY = 1.0e8, 0.25, 1000.0
 E_STAR = E / (2 * (1 - NU**2))

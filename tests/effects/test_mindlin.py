@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import contact_type
-from taichi_lsm.runtime import ti
-from tests import scenes
-from tests.scenes import tolerance
+from tests.helpers import scenes
+from tests.helpers.scenes import tolerance
 
 MU, E, NU = 0.4, 1.0e6, 0.3
 RADIUS, DEPTH = 0.5, 1.0e-3

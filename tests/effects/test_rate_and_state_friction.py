@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
-from tests.sliders import Sliders
+from tests.helpers import scenes
+from tests.helpers.sliders import Sliders
 
 MU_0, A, B, D_C, V_0 = 0.6, 0.01, 0.015, 1e-2, 1e-3
 STIFF = 1e8  # [N/m]: the spring of the contact takes 1e-6 of D_c

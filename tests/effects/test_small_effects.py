@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 
 K, DENSITY = 1.0e6, 1000.0
 G, GROUND = 9.81, 1.0e4  # m s-2; diameter of the fixed disc that is the ground [m]

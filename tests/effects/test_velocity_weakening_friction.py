@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests.scenes import PRECISION, tolerance
-from tests.sliders import Sliders
+from tests.helpers.scenes import PRECISION, tolerance
+from tests.helpers.sliders import Sliders
 
 MU_S, MU_D, V_C, STIFF = 0.7, 0.2, 0.5, 1e5
 COUNT = 31

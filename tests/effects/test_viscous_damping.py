@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import taichi_lsm as lsm
 from taichi_lsm.effects.viscous_damping import damping_ratio_of, restitution_of
-from tests import scenes
+from tests.helpers import scenes
 
 K, SPEED, GAP = 1.0e5, 2.0, 0.02
 PAIRS = 40

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.scenes import PRECISION
+from tests.helpers.scenes import PRECISION
 from workflows.hard import Bench
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 import taichi_lsm as lsm
-from tests.scenes import PRECISION
+from tests.helpers.scenes import PRECISION
 from workflows.hard import cases_of, driven
 
 CASES = {case.name: case for case in cases_of("driven")}

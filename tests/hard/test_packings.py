@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.scenes import PRECISION
+from tests.helpers.scenes import PRECISION
 from workflows.hard import cases_of
 from workflows.hard.packings import any_angular, any_discs, growth
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests.scenes import PRECISION
+from tests.helpers.scenes import PRECISION
 from workflows.hard import cases_of, error_of_impact
 from workflows.hard.solids import impact
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests.scenes import PRECISION
+from tests.helpers.scenes import PRECISION
 from workflows.hard import cases_of
 from workflows.hard.steps import CRITICAL, on_floor
 

@@ -3,7 +3,7 @@
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 from tests.physics.test_shaped_motion import check_conservation, cluster
 
 pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="conservation to f64 rounding")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 
 
 @pytest.mark.parametrize(("dim", "share"), [(2, 1 / 3), pytest.param(3, 1 / 2, marks=pytest.mark.validate)])

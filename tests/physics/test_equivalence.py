@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 
 STEPS = 500
 

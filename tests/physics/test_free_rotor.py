@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taichi_lsm.rotation import free_rotor, momentum_of, spin_of
-from taichi_lsm.runtime import ti
-from tests import scenes
+from taichi_lsm.core.rotation import free_rotor, momentum_of, spin_of
+from taichi_lsm.core.runtime import ti
+from tests.helpers import scenes
 
 pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="the state of the rotation is always f64")
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
-from tests import scenes
+from tests.helpers import scenes
 
 WALL = 50.0  # diameter of the wall's sphere
 MU, E, V = 0.3, 0.8, 1.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import bonds_run, scenes
+from tests.helpers import bonds_run, scenes
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 3000
@@ -89,7 +89,7 @@ def test_threads_and_a_checkpoint_of_broken_aggregates_change_no_bit(rubble, tmp
     rubble.run(STEPS)
     end = bonds_run.digest(rubble)
     assert {"intact", "force", "sums"} <= set(different(half, end))
-    command = [sys.executable, "-m", "tests.bonds_run", str(tmp_path), str(STEPS), "2", scenes.PRECISION]
+    command = [sys.executable, "-m", "tests.helpers.bonds_run", str(tmp_path), str(STEPS), "2", scenes.PRECISION]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     theirs = json.loads((tmp_path / "digests.json").read_text(encoding="utf-8"))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from tests import scenes
-from tests.sliders import Sliders
+from tests.helpers import scenes
+from tests.helpers.sliders import Sliders
 
 pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="growth rates need f64")
 

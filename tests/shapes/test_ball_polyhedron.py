@@ -6,7 +6,7 @@ import trimesh
 
 from taichi_lsm.shapes import ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from taichi_lsm.shapes.ball_cells import cell_of_balls, spread
-from taichi_lsm.shapes.polyhedron_mass import mass_of
+from taichi_lsm.shapes.mass_properties import mass_of
 
 RNG = np.random.default_rng(1)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.shapes.ovals import unit_normals
+from taichi_lsm.shapes.ellipses import unit_normals
 from taichi_lsm.shapes.random_polygons import tangent_arcs
 
 EVEN = unit_normals(np.linspace(0.0, np.pi, 361))

@@ -6,8 +6,6 @@ import pytest
 
 import workflows
 
-SMALL_LAYER = {"layer_thickness": 8, "length": 10, "inertial_number": 5e-3, "strain": 0.5, "steady_from": 0.2}
-
 TOY = '''"""A toy that behaves as it is told."""
 
 import os
@@ -18,10 +16,10 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
-from taichi_lsm.errors import InputError, SimulationError
+from taichi_lsm.core.errors import InputError, SimulationError
 from workflows import signals
-from workflows.settings import Params as BaseParams
-from workflows.summary import Figure, write_summary
+from workflows.common.parameters import Params as BaseParams
+from workflows.common.metrics import Figure, write_summary
 
 
 class Law(BaseModel, extra="forbid"):
@@ -103,23 +101,6 @@ def plugins(tmp_path, monkeypatch):
 @pytest.fixture
 def toy(plugins):
     """The module of the toy workflow."""
-    from workflows.discovery import find_workflows
+    from workflows.cli.discovery import find_workflows
 
     return find_workflows()["toy-run"]
-
-
-@pytest.fixture(scope="session")
-def sheared(runtime, tmp_path_factory):
-    """sheared(shape): (folder, parameters, run.nc as a Dataset) of a small 2D layer, sheared once per session."""
-    from workflows import shear_gouge
-
-    made = {}
-
-    def get(shape):
-        if shape not in made:
-            out = tmp_path_factory.mktemp(shape)
-            params = shear_gouge.Params(shape=shape, precision=runtime.precision, **SMALL_LAYER)
-            made[shape] = out, params, shear_gouge.run(params, out)
-        return made[shape]
-
-    return get

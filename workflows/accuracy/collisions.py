@@ -4,7 +4,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.accuracy import Trial
-from workflows.few_grains import scene_of
+from workflows.common.small_scenes import scene_of
 
 STIFFNESS = 1e5  # [N m-1]
 MASS = 250.0 * np.pi  # of a disc of 1 m [kg]

@@ -8,8 +8,8 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.accuracy import Trial
-from workflows.replicas import run_replicas
-from workflows.settings import to_toml
+from workflows.common.parallel_runs import run_replicas
+from workflows.common.parameters import to_toml
 from workflows.shape_roughness import rate_of
 
 LAYER = {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}  # whose settings are changed one at a time

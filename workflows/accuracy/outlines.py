@@ -7,7 +7,7 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows import shape_roughness, shear_gouge
 from workflows.accuracy import Trial, seconds_per_step
-from workflows.few_grains import scene_of
+from workflows.common.small_scenes import scene_of
 
 PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump

@@ -1,7 +1,8 @@
 """Expected errors and times of the presets of shear-gouge: `python -m workflows.accuracy.presets` prints them."""
 
-from workflows import shear_gouge, target_error
-from workflows.settings import merge
+from workflows import shear_gouge
+from workflows.common.parameters import merge
+from workflows.gouge import target_error
 
 TARGETS = (0.03, 0.02, 0.01, 0.007)
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.few_grains import scene_of
-
-from . import hard, refused, worst_balance
+from workflows.common.small_scenes import scene_of
+from workflows.hard import hard, refused, worst_balance
 
 STIFFNESS = 1e6  # [N m-1]
 MASS = 1000.0 * np.pi / 4  # [kg] of a disc of 1 m

@@ -3,7 +3,7 @@
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.few_grains import scene_of
+from workflows.common.small_scenes import scene_of
 from workflows.hard import error_of_impact, hard
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s

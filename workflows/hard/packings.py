@@ -3,7 +3,7 @@
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.few_grains import scene_of
+from workflows.common.small_scenes import scene_of
 from workflows.hard import hard
 
 STIFFNESS = 1e6  # [N m-1]

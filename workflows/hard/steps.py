@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.few_grains import scene_of
+from workflows.common.small_scenes import scene_of
 from workflows.hard import hard, refused, steps_until_stopped
 
 STIFFNESS = 1e5  # [N m-1]

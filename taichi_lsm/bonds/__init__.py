@@ -1,0 +1,1 @@
+"""Elastic-brittle bonds between grains."""

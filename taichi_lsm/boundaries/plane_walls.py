@@ -1,0 +1,308 @@
+"""Plane walls: rigid half-spaces of infinite mass that rest or move at a constant velocity.
+
+A grain touches a wall with its deepest point. Whatever its shape that point is unique, so that the laws of contact act
+there as between two grains, the second of which has no curvature and cannot be moved.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contact.error_flags import WALL
+from ..contact.pair_storage import ACTING, KICKED, SLIDING, TOUCHING
+from ..core.errors import InputError
+from ..core.rotation import spin_velocity, torque_of, turned
+from ..core.runtime import current, ti, when_allocated
+from ..core.schema import Variable
+from ..stepping.grain_state import allocate
+
+BLOCK = 64  # ids that share a mark: only marked ones are looked through for the sums over a wall
+WALL_ROWS = [
+    Variable("point", ("wall", "space"), "f64", "m", "point of the wall at the start", True),
+    Variable("normal", ("wall", "space"), "f64", "1", "unit normal of the wall, into the grains", True),
+    Variable("velocity", ("wall", "space"), "f64", "m s-1", "velocity of the wall", True),
+    Variable("displacement", ("wall", "space"), "f64", "m", "way of the wall since the start", True),
+    Variable("force", ("wall", "space"), "f64", "N", "force of the grains on the wall", True),
+    Variable("force_sum", ("wall", "space"), "f64", "N", "sum of that force over steps", True),
+    Variable("work", ("wall",), "f64", "J", "work that moves the wall against the grains", True),
+]
+PUBLISHED = ("displacement", "velocity", "force", "force_sum", "work")
+
+
+@dataclass
+class PlaneWall:
+    """Half-space of infinite mass beyond a plane; `name` appears in files and errors.
+
+    point (dim,) [m]: on the plane at the start; normal (dim,): into the grains, of any length; velocity (dim,)
+    [m s-1] or 0: constant, along the plane it drags the grains. `Walls.set_velocity` changes it between runs.
+    """
+
+    name: str
+    point: tuple
+    normal: tuple
+    velocity: tuple | float = 0.0
+
+
+def check_walls(scene):
+    """Raise InputError if a wall makes no sense in the scene or a mobile grain starts beyond it."""
+    names = [wall.name for wall in scene.walls]
+    if len(set(names)) < len(names) or not all(names):
+        raise InputError(f"Scene.walls: names {names}, must be given and all different")
+    kinds = sorted({s.name for s in scene.shapes if s.kind == "cones" or len(s.parts) > 1})
+    if scene.walls and kinds:
+        raise InputError(f"Scene.walls: {kinds[0]!r} has several parts or general cones: no single deepest point")
+    for wall in scene.walls:
+        for name in ("point", "normal", "velocity"):
+            value = np.asarray(getattr(wall, name), float)
+            still = name == "velocity" and value.shape == () and value == 0.0
+            if not still and (value.shape != (scene.dim,) or not np.isfinite(value).all()):
+                given = getattr(wall, name)
+                raise InputError(f"wall {wall.name!r}: {name} = {given!r}, must be {scene.dim} finite numbers")
+        normal = np.asarray(wall.normal, float)
+        if not np.linalg.norm(normal) > 0.0:
+            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must not be zero")
+        if any(repeats and n != 0.0 for n, repeats in zip(normal, scene.periodic, strict=True)):
+            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along periodic axes")
+        height = (scene.position - np.asarray(wall.point, float)) @ normal
+        beyond = np.flatnonzero((height <= 0.0) & (scene.platen < 0))
+        if len(beyond):
+            raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it")
+
+
+def contact_rows(history, onset):
+    """Schema rows of a grain at a wall, by persistent id times the number of walls plus the wall."""
+    rows = [
+        Variable("row_status", ("row",), "i8", "1", "as of a pair of grains", True),
+        Variable("row_force", ("row", "space"), "real", "N", "force on the wall", True),
+    ]
+    if onset:
+        rows.append(Variable("row_kick", ("row", "space"), "real", "N s", "impulse on the wall", True))
+    if history:
+        rows.append(Variable("row_history", ("row", "history"), "real", "1", "values kept by the laws", True))
+    return rows
+
+
+@ti.data_oriented
+class Walls:
+    """State of all walls and of the grains at them.
+
+    history: numbers that the laws remember of a contact; onset: contacts begin and end with impulses. The rows of the
+    grains go by id: they stay where they are when slots are re-sorted.
+    """
+
+    def __init__(self, walls, grains, history, onset):
+        self.names = [wall.name for wall in walls]
+        self.count, self.dim, self.real = len(walls), grains.dim, current().real
+        self.onset = onset
+        self.rows = contact_rows(history, onset)
+        sizes, capacity = {"space": self.dim, "history": history}, grains.slot_of.shape[0]
+        fields = vars(allocate(WALL_ROWS, self.count, sizes))
+        for name, field in {**fields, **vars(allocate(self.rows, self.count * capacity, sizes))}.items():
+            setattr(self, name, field)
+        self.marked = ti.field(ti.i32, capacity // BLOCK + 1)
+        when_allocated(lambda: self._place(walls))
+
+    def begin(self, walls):
+        """Place the walls and forget all contacts. walls: PlaneWalls of the same names as at the start."""
+        if [wall.name for wall in walls] != self.names:
+            raise InputError(f"Scene.walls: {[wall.name for wall in walls]}, must be {self.names}")
+        for row in (*WALL_ROWS, *self.rows):
+            getattr(self, row.name).fill(0)
+        self._place(walls)
+
+    def _place(self, walls):
+        for w, wall in enumerate(walls):
+            self.point[w] = np.asarray(wall.point, float)
+            self.normal[w] = np.asarray(wall.normal, float) / np.linalg.norm(wall.normal)
+            self.velocity[w] = np.broadcast_to(np.asarray(wall.velocity, float), self.dim)
+
+    def mark_all(self):
+        """Look for contacts everywhere at the next sum."""
+        self.marked.fill(1)
+
+    def set_velocity(self, name, velocity):
+        """Change the velocity (dim,) [m s-1] of the wall of this name."""
+        value = np.asarray(velocity, float)
+        if name not in self.names:
+            raise InputError(f"wall {name!r}: there are {self.names}")
+        if value.shape != (self.dim,) or not np.isfinite(value).all():
+            raise InputError(f"wall {name!r}: velocity = {velocity!r}, must be {self.dim} finite numbers")
+        self.velocity[self.names.index(name)] = value
+
+    def snapshot(self):
+        """{name: array (wall, ...)} of displacement [m], velocity [m s-1], force [N] of the grains, its sum over steps
+        [N], in which impulses count as force over dt, and work [J] of what moves the walls."""
+        return {name: np.array([getattr(self, name)[w] for w in range(self.count)]) for name in PUBLISHED}
+
+    @ti.func
+    def go_on(self, forces: ti.template(), done, last_dt, dt):
+        """End the last step of last_dt [s], if it is `done`, by summing the forces; let the walls drift for dt [s]."""
+        if done:
+            self.gather(forces, last_dt)
+        for w in range(self.count):
+            self.displacement[w] = self.displacement[w] + self.velocity[w] * dt
+
+    @ti.func
+    def gather(self, forces: ti.template(), dt):
+        """Sum the forces on each wall in rising ids and book the work of what moves it.
+
+        dt [s]: step that ended with these forces, 0 at the start of a run. The work is that of the mean force of the
+        step's two ends, as of the laws.
+        """
+        count = forces.grains.count[None]
+        for w in range(self.count):
+            force = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
+            kick = 0.0 * force
+            for block in range(count // BLOCK + 1):
+                if self.marked[block]:
+                    for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+                        r = i * self.count + w
+                        if self.row_status[r]:
+                            force += self.row_force[r]
+                            if ti.static(self.onset):
+                                if self.row_status[r] & KICKED:
+                                    kick += self.row_kick[r]
+            if dt > 0.0:
+                push = 0.5 * (self.force[w] + force) * dt + kick
+                self.work[w] = self.work[w] - push.dot(self.velocity[w])
+                self.force_sum[w] = self.force_sum[w] + force + kick / dt
+            self.force[w] = force
+        for block in range(count // BLOCK + 1):
+            if self.marked[block]:
+                busy = 0
+                for r in range(block * BLOCK * self.count, ti.min((block + 1) * BLOCK, count) * self.count):
+                    busy |= ti.cast(self.row_status[r], ti.i32)
+                self.marked[block] = ti.cast(busy != 0, ti.i32)
+
+    @ti.func
+    def height(self, w, x):
+        """Distance of the point x from wall w [m], negative beyond it."""
+        return (x - self.point[w] - self.displacement[w]).dot(self.normal[w])
+
+    @ti.func
+    def contact(self, forces: ti.template(), k, w, dt):
+        """(contact of grain k with wall w as the laws see it, depth [m], negative if apart, arm [m], feature)."""
+        g = forces.grains
+        n = -ti.cast(self.normal[w], self.real)
+        feature, radius = 0, g.radius[k]
+        point = radius * n
+        if ti.static(forces.shaped):
+            feature = forces.geometry.surface.feature_along(g.shape[k], k, n)
+            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, g.orientation[k], n)
+        depth = point.dot(n) - ti.cast(self.height(w, g.position[k]), self.real)
+        arm = point - 0.5 * depth * n
+        v = ti.cast(self.velocity[w] - g.velocity[k], self.real)
+        about_normal = 0.0 * depth
+        if ti.static(forces.rotates):
+            omega = ti.cast(g.spin[k], self.real)
+            v -= spin_velocity(omega, arm)
+            if ti.static(self.dim == 3):
+                about_normal = 0.5 * omega.dot(n)
+        contact = forces.seen(v, n, depth, g.inverse_mass[k], about_normal, dt)
+        if ti.static("reduced_radius" in forces.needs):
+            contact.reduced_radius = radius
+        if ti.static("relative_spin" in forces.needs):
+            contact.relative_spin = -ti.cast(g.spin[k], self.real)
+        return contact, depth, arm, feature
+
+    @ti.func
+    def touch(self, forces: ti.template(), k, dt):
+        """Contacts of grain k with all walls, added to the sums of its row. Glued grains feel no walls."""
+        g = forces.grains
+        if g.platen[k] < 0:
+            for w in range(self.count):
+                r = g.id[k] * self.count + w
+                near = self.height(w, g.position[k]) < g.radius[k] - forces.geometry.least_depth()
+                if near or self.row_status[r] != 0:
+                    self.press(forces, k, w, r, dt)
+
+    @ti.func
+    def press(self, forces: ti.template(), k, w, r, dt):
+        """Force, torque and impulse of wall w on grain k, stored in row r as those on the wall."""
+        g = forces.grains
+        contact, depth, arm, feature = self.contact(forces, k, w, dt)
+        was = ti.cast(self.row_status[r], ti.i32)
+        least = forces.geometry.least_depth()
+        if depth > least or was != 0:
+            if self.height(w, g.position[k]) <= 0.0:
+                forces.geometry.faults.report(WALL, g.id[k], w)
+            for law in ti.static(forces.laws):
+                self.apply(forces, contact, law, k, r)
+            f = contact.normal_force * contact.normal + contact.tangential_force
+            self.row_force[r] = f
+            g.force[k] = g.force[k] - f
+            if ti.static(forces.rotates):
+                turning = torque_of(arm, contact.tangential_force)
+                if ti.static(forces.shaped):  # else the normal force goes through the centre
+                    turning = torque_of(arm, f)
+                if ti.static(forces.couples):
+                    turning += contact.couple
+                g.torque[k] = g.torque[k] - turning
+            status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
+            if ti.static(forces.reaches):
+                status += ti.select(depth > least, ACTING, 0)
+            if ti.static(self.onset):
+                touching = ti.cast(contact.touching, ti.i32)
+                if touching != was & TOUCHING:
+                    last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
+                    ease = forces.correction.mobility(k, torque_of(arm, contact.normal))
+                    size = forces.correction.impulse(touching, depth, last, earlier, ease, dt)
+                    if size != 0.0:
+                        status += KICKED
+                        self.row_kick[r] = size * contact.normal
+                        g.kicked[k] = ti.cast(1, ti.i8)
+                        if ti.static(forces.twists):
+                            g.twist[k] = g.twist[k] - torque_of(arm, size * contact.normal)
+            self.row_status[r] = ti.cast(status, ti.i8)
+            self.marked[g.id[k] // BLOCK] = 1  # whoever comes first writes the same
+
+    @ti.func
+    def apply(self, forces: ti.template(), contact: ti.template(), law: ti.template(), k, r):
+        """Add one law to the contact, with its history in row r, and book what it dissipates."""
+        g = forces.grains
+        lost = 0.0 * contact.depth
+        if ti.static(law.history_size(self.dim) > 0):
+            memory = self.history_of(forces, law, r)
+            lost = law.on_contact(contact, memory)
+            first, size = ti.static(forces.history_slice(law))
+            for c in ti.static(range(size)):
+                self.row_history[r][first + c] = memory[c]
+        else:
+            lost = law.on_contact(contact, 0)
+        if ti.static(forces.ledger and law.dissipates):
+            book = ti.static(forces.book_of(law))
+            g.dissipated[k][book] = g.dissipated[k][book] + ti.cast(lost, ti.f64)
+
+    @ti.func
+    def history_of(self, forces: ti.template(), law: ti.template(), r):
+        """The law's own values of row r."""
+        first, size = ti.static(forces.history_slice(law))
+        return ti.Vector([self.row_history[r][first + c] for c in range(size)], self.real)
+
+    @ti.func
+    def kick_on(self, forces: ti.template(), k):
+        """Impulse of the walls on grain k [N s]."""
+        kick = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
+        for w in range(self.count):
+            r = forces.grains.id[k] * self.count + w
+            if self.row_status[r] & KICKED:
+                kick -= self.row_kick[r]
+        return kick
+
+    @ti.func
+    def depths_before(self, forces: ti.template(), k, w, feature, n, dt):
+        """Depths [m] one and two steps ago of the feature that is deepest now, continued beyond its bounds."""
+        g = forces.grains
+        normal, v = self.normal[w], self.velocity[w]
+        height_1 = self.height(w, g.position[k]) - (g.velocity[k] - v).dot(normal) * dt
+        height_2 = height_1 - (g.last_velocity[k] - v).dot(normal) * dt
+        top_1 = g.radius[k]
+        top_2 = top_1
+        if ti.static(forces.shaped):
+            turn = turned(g.orientation[k], g.spin[k], -dt)
+            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, turn, n)
+            top_1 = point.dot(n)
+            turn = turned(turn, g.last_spin[k], -dt)
+            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, turn, n)
+            top_2 = point.dot(n)
+        return top_1 - ti.cast(height_1, self.real), top_2 - ti.cast(height_2, self.real)

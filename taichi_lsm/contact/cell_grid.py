@@ -1,0 +1,147 @@
+"""A sparse grid of cells that lists the grains in and around each."""
+
+import numpy as np
+
+from ..core.runtime import ti
+
+# Cells per axis of the sparse grid: two pointer levels over dense blocks, all powers of two (a struct-for over
+# other extents skips cells). On open axes the index wraps round at the extent: far cells then share a bucket,
+# which costs candidates but loses none, because every candidate's distance is tested.
+LEVELS = {2: (64, 16, 8), 3: (16, 16, 4)}
+
+RELEASE = 500  # fills until the blocks of cells that grains have left are given back
+
+_heads: dict = {}
+_users: dict = {}  # the grid whose grains the sparse tree of each dimension holds
+
+
+def sparse_heads(dim):
+    """(head, top) of the process's only sparse grid of this dimension: first grain of each cell, and its tree.
+
+    All simulations share it, because each fills it anew before it searches. Taichi cannot give a sparse tree back,
+    and keeps its allocators in a table of 1024 nodes: trees declared late would be written beyond its end.
+    """
+    for each in (2, 3) if not _heads else ():
+        axes = ti.ij if each == 2 else ti.ijk
+        top, middle, block = LEVELS[each]
+        head = ti.field(ti.i32)  # slot + 1, 0 in an empty cell
+        tree = ti.root.pointer(axes, top)
+        tree.pointer(axes, middle).dense(axes, block).place(head)
+        _heads[each] = (head, tree)
+    return _heads[dim]
+
+
+@ti.data_oriented
+class SparseGrid:
+    """Linked lists of grains per cell; only occupied blocks hold memory, so an empty domain costs nothing.
+
+    Occupied cells are numbered: a look into the sparse tree costs more than testing the grains of a cell, so that the
+    search goes from cell to cell and looks up its surroundings once for all its grains.
+    """
+
+    def __init__(self, domain, grain_capacity):
+        self.domain = domain
+        self.dim = domain.dim
+        self.fills = 0
+        self.extent = int(np.prod(LEVELS[self.dim]))
+        self.head, self.top = sparse_heads(self.dim)
+        self.next = ti.field(ti.i32, grain_capacity)
+        self.number = ti.field(ti.i32, grain_capacity)  # of the cell of each grain
+        self.occupied = ti.field(ti.i32, ())
+        self.place = ti.field(ti.i32, grain_capacity * self.dim)  # of each occupied cell in the grid
+        self.places = 3**self.dim
+        self.cells = ti.field(ti.i32, self.dim)
+        self.inverse_width = ti.field(ti.f64, self.dim)
+
+    def set_width(self, reach):
+        """Choose cells at least `reach` [m] wide: pairs closer than that are then in adjacent cells."""
+        cells = np.full(self.dim, self.extent)
+        inverse = np.full(self.dim, 1.0 / reach)
+        for axis in range(self.dim):
+            if self.domain.periodic[axis]:
+                length = self.domain.length[axis]
+                least = reach * (self.domain.widening() if axis == 0 else 1.0)
+                cells[axis] = min(max(1, int(length / least)), self.extent)
+                inverse[axis] = cells[axis] / length
+        for axis in range(self.dim):  # each `from_numpy` would be a kernel to compile
+            self.cells[axis], self.inverse_width[axis] = int(cells[axis]), inverse[axis]
+
+    @ti.func
+    def cell_of(self, x):
+        """Cell index of position x [m]."""
+        cell = ti.Vector([0] * self.dim)
+        for axis in ti.static(range(self.dim)):
+            raw = ti.cast(ti.floor(x[axis] * self.inverse_width[axis]), ti.i32)
+            cell[axis] = self.wrapped(raw, axis)
+        return cell
+
+    @ti.func
+    def wrapped(self, index, axis: ti.template()):
+        """Cell index brought back into the grid."""
+        result = index & (self.extent - 1)
+        if ti.static(self.domain.periodic[axis]):
+            n = self.cells[axis]
+            result = index % n
+            if result < 0:
+                result += n
+        return result
+
+    @ti.kernel
+    def sort_in(self, position: ti.template(), count: ti.template()):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for c in range(self.occupied[None]):
+                self.head[self.home(c)] = 0
+            self.occupied[None] = 0
+            for s in range(count[None]):
+                k = count[None] - 1 - s  # backwards, so that each cell lists its grains in rising slots
+                cell = self.cell_of(self.domain.straightened(position[k]))
+                first = self.head[cell]
+                c = self.occupied[None]
+                if first > 0:
+                    c = self.number[first - 1]
+                else:
+                    for axis in ti.static(range(self.dim)):
+                        self.place[c * self.dim + axis] = cell[axis]
+                    self.occupied[None] = c + 1
+                self.number[k] = c
+                self.next[k] = first
+                self.head[cell] = k + 1
+
+    @ti.func
+    def home(self, c):
+        """Where the occupied cell number c lies."""
+        return ti.Vector([self.place[c * self.dim + axis] for axis in range(self.dim)])
+
+    @ti.func
+    def around(self, c):
+        """(slot + 1 of the first grain of each list in and around the occupied cell c that is not empty, how many)."""
+        lists = ti.Vector([0] * self.places)
+        found = 0
+        for offset in range(self.places):
+            cell = self.home(c)
+            skip = 0
+            code = offset
+            for axis in ti.static(range(self.dim)):
+                step = code % 3 - 1
+                code = code // 3
+                # with two cells along a periodic axis the left neighbour is the right one, with one it is home
+                if step != 0 and self.cells[axis] <= 1 or step < 0 and self.cells[axis] == 2:
+                    skip = 1
+                cell[axis] = self.wrapped(cell[axis] + step, axis)
+            if skip == 0:
+                first = self.head[cell]
+                if first > 0:
+                    lists[found] = first
+                    found += 1
+        return lists, found
+
+    def fill(self, position, count):
+        """Sort all grains into the cells."""
+        user = _users.setdefault(self.dim, self)
+        self.fills += 1
+        if user is not self or self.fills % RELEASE == 0:
+            self.top.deactivate_all()
+            self.occupied[None] = 0
+            _users[self.dim] = self
+        self.sort_in(position, count)

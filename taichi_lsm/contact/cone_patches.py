@@ -1,0 +1,92 @@
+"""Contact of general spherical patches, the seed's own structure: every pair of patches is tested by itself.
+
+Each patch is a part of its grain, with its own slot in the neighbour list. Directions that two cones cover count
+twice and those that none covers do not count: only cones that tile keep the energy. Clumps are patches of full angle.
+"""
+
+import numpy as np
+
+from ..core.rotation import rotate, unrotate
+from ..core.runtime import current, ti, when_allocated
+from ..core.schema import Variable
+from ..stepping.grain_state import allocate, fill_rows, rounded_capacity
+from .error_flags import OVERLAP
+from .primitives import ROUND_CAP, sphere_overlap
+
+FULL = -2.0  # cosine of a full patch: below every cosine
+
+
+def patch_rows():
+    """Schema rows of one patch."""
+    return [
+        Variable("centre", ("patch", "space"), "real", "1", "patch centre in units of the grain's scale, body frame"),
+        Variable("patch_radius", ("patch",), "real", "1", "patch radius in units of the grain's scale"),
+        Variable("axis", ("patch", "space"), "real", "1", "outward unit axis of the patch, body frame"),
+        Variable("cosine", ("patch",), "real", "1", "cosine of the half-angle; -2 for a full sphere"),
+    ]
+
+
+@ti.data_oriented
+class ConeTable:
+    """Shared table of patches; every shape is stored once and scaled per grain."""
+
+    def __init__(self, parts):
+        dim = parts[0].dim
+        for name, field in vars(allocate(patch_rows(), rounded_capacity(len(parts)), {"space": dim})).items():
+            setattr(self, name, field)
+        when_allocated(lambda: self.fill(parts))
+
+    def fill(self, parts):
+        """Write the table, one row per part; the parts must fit the capacity it was made with."""
+        centre, radius, axis, angle = (np.concatenate(rows) for rows in zip(*(p.patches() for p in parts)))
+        fill_rows(self.centre, centre)
+        fill_rows(self.patch_radius, radius)
+        fill_rows(self.axis, axis)
+        fill_rows(self.cosine, np.where(angle < np.pi, np.cos(angle), FULL))
+
+    def contact(self, grains, pairs, faults, domain):
+        """The geometry that reads this table."""
+        return ConeContact(self, grains, faults)
+
+
+@ti.data_oriented
+class ConeContact:
+    """The corrected cone test, Eqs. (2)-(9), of one pair of patches."""
+
+    def __init__(self, table, grains, faults):
+        self.table, self.grains, self.faults = table, grains, faults
+        self.real = current().real
+
+    @ti.func
+    def placed(self, a, b, k, l, d, turn_k, turn_l):
+        """(depth [m], unit normal, contact point relative to grain k [m]) of two patches taken as full spheres."""
+        g, t = self.grains, self.table
+        p_i = rotate(turn_k, t.centre[a]) * g.scale[k]
+        w = d + rotate(turn_l, t.centre[b]) * g.scale[l] - p_i
+        depth, n, at = sphere_overlap(w, t.patch_radius[a] * g.scale[k], t.patch_radius[b] * g.scale[l])
+        return depth, n, p_i + at * n
+
+    @ti.func
+    def continued(self, a, b, k, l, unused, d, orientation_k, orientation_l, n):
+        """As `placed`, for grains turned otherwise than now."""
+        return self.placed(a, b, k, l, d, ti.cast(orientation_k, self.real), ti.cast(orientation_l, self.real))
+
+    @ti.func
+    def overlap(self, a, b, k, l, s, d):
+        """(depth [m], unit normal k -> l, contact point relative to grain k [m]) of patch a of k and patch b of l.
+
+        Patches of large radius also face each other on the far sides of their grains, where the depth is beyond what
+        the least radii allow: that is no contact. For two full spheres it is a fault.
+        """
+        g, t = self.grains, self.table
+        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        depth, n, x = self.placed(a, b, k, l, d, turn_k, turn_l)
+        faces = t.axis[a].dot(unrotate(turn_k, n)) >= t.cosine[a] and -t.axis[b].dot(unrotate(turn_l, n)) >= t.cosine[b]
+        cap = g.cap_radius[k] + g.cap_radius[l]
+        if t.cosine[a] < -1.0 and t.cosine[b] < -1.0 and depth >= ROUND_CAP * cap:
+            self.faults.report(OVERLAP, g.id[k], g.id[l])
+        if depth >= cap:
+            faces = False
+        if not faces:
+            depth = -ti.abs(depth)
+        return depth, n, x

@@ -1,0 +1,1 @@
+"""What knows no physics: errors, the runtime, the schema, fields, rotations, files."""

@@ -1,0 +1,89 @@
+"""Tangential springs: vectors that belong to a contact and turn with it, their energy and their stable step."""
+
+import numpy as np
+
+from ..core.runtime import ti
+
+
+def stable_spring_step(stiffness, bodies):
+    """Stable step [s] of a tangential spring [N m-1]: as of a normal one, with the leverage R^2 m/I of spinning."""
+    per_contact = stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
+    return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
+
+
+@ti.func
+def square_of(contact, history):
+    """Square of the tangential vector with which a history begins: one number in 2D, three in 3D."""
+    square = history[0] * history[0]
+    if ti.static(contact.normal.n == 3):
+        square += history[1] * history[1] + history[2] * history[2]
+    return square
+
+
+@ti.func
+def transported(xi, n, contact):
+    """Tangential vector carried along with the contact plane: turned to the new normal n, then spun about it.
+
+    Projection on the new plane with the length restored is the least rotation up to the square of the small angle
+    that the normal turns in one step. The length is restored by the series of 1/sqrt(1 - x), x the square of the sine
+    of that angle: to 3e-9 for a turn of 0.1, and for wild turns too short, which creates no energy.
+    """
+    along = xi.dot(n)
+    size2 = xi.dot(xi)
+    x = ti.select(size2 > 0.0, along * along / size2, 0.0)
+    flat = (xi - along * n) * (1.0 + x * (0.5 + x * (0.375 + x * 0.3125)))
+    return flat + (contact.spin_about_normal * contact.dt) * n.cross(flat)
+
+
+@ti.func
+def spring_of(contact, history):
+    """The tangential vector with which a history begins, turned with the contact since the last step.
+
+    One component in 2D, along the normal turned by 90 degrees: it turns with the contact by itself.
+    """
+    if ti.static(contact.normal.n == 2):
+        return ti.Vector([history[0]])
+    else:
+        return transported(ti.Vector([history[0], history[1], history[2]]), contact.normal, contact)
+
+
+@ti.func
+def slip_of(contact):
+    """Slip of the step [m], with the components of `spring_of`."""
+    n = contact.normal
+    if ti.static(n.n == 2):
+        return ti.Vector([ti.Vector([-n[1], n[0]]).dot(contact.slip) * contact.dt])
+    else:
+        return contact.slip * contact.dt
+
+
+@ti.func
+def in_space(contact, xi):
+    """Vector in space of the components of `spring_of`."""
+    n = contact.normal
+    if ti.static(n.n == 2):
+        return xi[0] * ti.Vector([-n[1], n[0]])
+    else:
+        return xi
+
+
+@ti.func
+def limited(trial, limit):
+    """(The spring `trial` shortened to `limit` if it is longer, 1 if it was)."""
+    xi, slides = trial, 0
+    if ti.static(trial.n == 1):
+        xi[0] = ti.max(-limit, ti.min(limit, trial[0]))
+        slides = ti.cast(xi[0] != trial[0], ti.i32)
+    else:
+        size2 = trial.dot(trial)
+        if size2 > limit * limit:
+            xi = trial * (limit / ti.sqrt(size2))
+            slides = 1
+    return xi, slides
+
+
+@ti.func
+def remember(history: ti.template(), xi):
+    """Let a history begin with the spring xi."""
+    for axis in ti.static(range(xi.n)):
+        history[axis] = xi[axis]

@@ -1,0 +1,1 @@
+"""Files: NetCDF series and snapshots, checkpoints."""

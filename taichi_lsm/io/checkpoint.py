@@ -1,0 +1,169 @@
+"""Exact save and restore of a simulation: every row that the schema marks `restart`, bit for bit.
+
+The file is plain NetCDF. A simulation is restored into one that was made from the same scene, in the same precision;
+the steps that follow give the same bits as if the run had not been interrupted.
+"""
+
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+
+from ..boundaries.periodic_cell import SHEAR_ROWS
+from ..boundaries.plane_walls import WALL_ROWS
+from ..contact.neighbour_search import grown
+from ..core.atomic_netcdf import write_atomically
+from ..core.errors import InputError
+from ..core.schema import Variable
+from ..stepping.grain_state import rounded_capacity
+
+FORMAT = 1
+COUNTERS = ("step", "rebuilds")
+LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
+PLATEN_ROWS = tuple(
+    Variable(name, ("platen", width), "f64", units, long_name, True)
+    for name, width, units, long_name in (
+        ("displacement", "space", "m", "displacement of the platen"),
+        ("velocity", "space", "m s-1", "velocity of the platen half a step before"),
+        ("force", "space", "N", "force of the contacts on the platen"),
+        ("force_sum", "space", "N", "sum of that force over steps"),
+        ("force_square_sum", "space", "N2", "sum of its square over steps"),
+        ("work", "space", "J", "work of the drives"),
+        ("dissipated", "space", "J", "energy that the drives dissipated"),
+        ("mass", "space", "kg", "inertia of the platen along each axis"),
+    )
+)
+DRIVE_ROW = Variable(
+    "values", ("platen", "space", "value"), "f64", "1", "values of the drives, in their own units", True
+)
+SPRING_ROW = Variable("stretch", ("platen", "space"), "f64", "m", "stretch of the springs of load points", True)
+
+
+def save_checkpoint(sim, path):
+    """Write the state of `sim` to the NetCDF file `path`, which appears whole or not at all."""
+
+    def fill(file):
+        file.setncatts(_make_up(sim))
+        for name in COUNTERS:
+            file.setncattr(name, np.int64(getattr(sim, name)))
+        file.searches = np.int64(sim.search.searches)
+        file.dt = sim.dt
+        file.pair_capacity = np.int64(sim.pairs.capacity)
+        for group, rows, owner, count in _tables(sim):
+            _write(file.createGroup(group), rows, owner, count)
+
+    write_atomically(path, fill)
+
+
+def restore_checkpoint(sim, path):
+    """Put `sim`, made from the same scene, into the state saved at `path`.
+
+    Raises InputError if the file is missing or broken, or belongs to a simulation of another make-up.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"checkpoint {path}: no such file")
+    try:
+        with netCDF4.Dataset(path) as file:
+            file.set_auto_mask(False)
+            _require_same(sim, path, file)
+            if file.pair_capacity > sim.pairs.capacity:
+                capacity = int(file.pair_capacity)
+                sim._compose(grown(sim.pairs, sim.scene.dim, sim.grains.slot_of.shape[0], sim.rotates, capacity))
+            for group, rows, owner, _ in _tables(sim):
+                _read(file[group], rows, owner, path)
+            for name in COUNTERS:
+                setattr(sim, name, int(file.getncattr(name)))
+            sim.search.searches = int(file.searches)
+            sim._dt = float(file.dt)
+    except (OSError, IndexError, AttributeError, KeyError) as error:
+        raise InputError(f"checkpoint {path}: not a whole checkpoint ({error})") from None
+    sim.integrator.dt[None] = sim._dt
+    for flag in (sim.integrator.moved, sim.integrator.halted, sim.integrator.steps_done):
+        flag[None] = 0
+    sim.faults.clear()
+    sim.sentinel.begin()
+    if sim.walls:
+        sim.walls.mark_all()
+    if sim.domain.sheared:
+        sim.domain.set_shear(sim.domain.shear_rate[0], sim.domain.widest[0], sim.domain.strain[0])
+    grains = sim.grains
+    grains.set_order(grains.id.to_numpy()[: len(grains)])
+    sim.neighbours.transpose_only()
+
+
+def _tables(sim):
+    """(group, schema rows, object that holds the fields, rows in use) of everything that is saved."""
+    count = len(sim.grains)
+    pairs = int(sim.pairs.row_start.to_numpy()[count])
+    tables = [
+        ("grains", list(sim.grains.variables.values()), sim.grains, count),
+        ("list", LIST_ROWS, sim.pairs, count + 1),
+        ("pairs", sim.pairs.variables, sim.pairs, pairs),
+    ]
+    if sim.bonds:
+        tables.append(("bonds", sim.bonds.variables, sim.bonds, sim.bonds.count))
+    if sim.platens:
+        rows = [*PLATEN_ROWS, DRIVE_ROW] + ([SPRING_ROW] if sim.platens.springs else [])
+        tables.append(("platens", rows, sim.platens, sim.platens.count))
+    if sim.domain.sheared:
+        tables.append(("cell", SHEAR_ROWS, sim.domain, 1))
+    if sim.walls:
+        tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
+        tables.append(("wall_contacts", sim.walls.rows, sim.walls, sim.walls.count * count))
+    return tables
+
+
+def _make_up(sim):
+    """What two simulations must share, as attributes of the file."""
+    scene = sim.scene
+    return {
+        "format": np.int64(FORMAT),
+        "title": "Checkpoint of a simulation of grains",
+        "dim": np.int64(scene.dim),
+        "grains": np.int64(len(sim.grains)),
+        "precision": sim.runtime.precision,
+        "effects": ", ".join(type(e).__name__ + (f" ({e.variant})" if e.variant else "") for e in scene.effects),
+        "integrator": scene.integrator.__name__,
+        "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
+        "platens": ", ".join(p.name for p in scene.platens),
+        "walls": ", ".join(w.name for w in scene.walls),
+        "shear_rate": float(scene.shear_rate or 0.0),
+        **({"bonds": np.int64(sim.bonds.count)} if sim.bonds else {}),
+    }
+
+
+def _require_same(sim, path, file):
+    for name, mine in _make_up(sim).items():
+        if name not in file.ncattrs():
+            raise InputError(f"checkpoint {path}: not a checkpoint, {name} is missing")
+        theirs = file.getncattr(name)
+        if theirs != mine:
+            raise InputError(f"checkpoint {path}: {name} is {theirs}, but the scene has {mine}")
+
+
+def _write(group, rows, owner, count):
+    """One variable per restart row, the rows in use."""
+    group.createDimension("row", count)
+    for row in rows:
+        if not row.restart:
+            continue
+        values = getattr(owner, row.name).to_numpy()[:count]
+        dims = ["row"]
+        for axis, size in enumerate(values.shape[1:]):
+            dims.append(f"{row.name}_{axis}")
+            group.createDimension(dims[-1], size)
+        variable = group.createVariable(row.name, values.dtype, dims, fill_value=False)
+        variable.units, variable.long_name = row.units, row.long_name
+        variable[:] = values
+
+
+def _read(group, rows, owner, path):
+    for row in rows:
+        if row.restart:
+            field = getattr(owner, row.name)
+            raw, values = field.to_numpy(), group[row.name][:]
+            if values.shape[1:] != raw.shape[1:] or len(values) > rounded_capacity(len(raw)):
+                raise InputError(f"checkpoint {path}: {row.name} has shape {values.shape}, must fit {raw.shape}")
+            raw[: len(values)] = values
+            field.from_numpy(raw)

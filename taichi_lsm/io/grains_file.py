@@ -1,0 +1,215 @@
+"""Snapshots of all grains (grains.nc): constants per grain, the shared shape table, and states in time."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..core.atomic_netcdf import write_atomically
+from ..core.schema import Variable
+from .netcdf_variables import (
+    checked_array,
+    netcdf_type,
+    put_labels,
+    put_time,
+    put_variable,
+    require_known,
+    require_names,
+    rows_by_name,
+)
+from .run_file import RUN_STATUS, require_status, set_global_attributes
+
+COMMENT = (
+    "Shapes are shared between grains. The patches of shape s are the patch_count[s] consecutive entries of "
+    "dimension patch that follow those of the shapes before it (CF contiguous ragged array). Patch centres "
+    "and radii are multiples of shape_scale, in the body frame of the shape (origin at the centre of mass). "
+    "Grain g has shape s = shape_index[g], counted from 0; the centre of a patch of it lies at position[g] + "
+    "shape_scale[g] * R[g] patch_centre, its radius is shape_scale[g] * patch_radius, with R[g] the "
+    "rotation by orientation[g] (w, x, y, z; in 2D a turn about z)."
+)
+INTACT = {"flag_values": [0, 1], "flag_meanings": ["broken", "intact"]}
+KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
+STATIC_DIMS = ("grain", "space", "quaternion", "shape", "patch")
+
+
+def static_rows(dim, bonded=False):
+    """Schema rows of what does not change: per grain, per patch of the shape table, per bond. dim: 2 or 3."""
+    inertia = ("grain",) if dim == 2 else ("grain", "space")
+    return [
+        Variable("mass", ("grain",), "f64", "kg", "mass of the grain"),
+        Variable("inertia", inertia, "f64", "kg m2", "principal moments of inertia about the centre of mass"),
+        Variable("bounding_radius", ("grain",), "f64", "m", "radius of the smallest known bounding ball"),
+        Variable("kind", ("grain",), "i32", "1", "whether the grain moves freely or is glued to a platen"),
+        Variable("shape_index", ("grain",), "i32", "1", "index of the grain's shape along dimension shape"),
+        Variable("shape_scale", ("grain",), "f64", "m", "length unit of the grain's shape"),
+        Variable("patch_count", ("shape",), "i32", "1", "number of patches of the shape"),
+        Variable("patch_centre", ("patch", "space"), "f64", "1", "patch centre over shape_scale, body frame"),
+        Variable("patch_radius", ("patch",), "f64", "1", "patch radius over shape_scale"),
+        Variable("patch_axis", ("patch", "space"), "f64", "1", "outward unit axis of the patch, body frame"),
+        Variable("patch_angle", ("patch",), "f64", "rad", "angle between the axis and the edge of the patch"),
+    ] + [
+        Variable("bond_first", ("bond",), "i32", "1", "index of the first grain of the bond"),
+        Variable("bond_second", ("bond",), "i32", "1", "index of the second grain of the bond"),
+    ] * bonded
+
+
+def snapshot_rows(dim, rotates=True, oriented=True, bonded=False):
+    """Schema rows of a snapshot; without `rotates` no angular velocity, without `oriented` no orientation, without
+    `bonded` no bonds."""
+    spin = ("time", "grain") if dim == 2 else ("time", "grain", "space")
+    rows = [
+        Variable("position", ("time", "grain", "space"), "f64", "m", "centre of mass"),
+        Variable("velocity", ("time", "grain", "space"), "f64", "m s-1", "velocity of the centre of mass"),
+    ]
+    if rotates:
+        rows.append(Variable("angular_velocity", spin, "f64", "rad s-1", "angular velocity, world frame"))
+    if oriented:
+        rows.append(
+            Variable(
+                "orientation",
+                ("time", "grain", "quaternion"),
+                "f64",
+                "1",
+                "unit quaternion w, x, y, z that turns the body frame into the world frame",
+            )
+        )
+    if bonded:
+        rows.append(Variable("bond_intact", ("time", "bond"), "i32", "1", "whether the bond holds"))
+    return rows
+
+
+class GrainsWriter:
+    """Snapshots of all grains; the whole file is rewritten at every `append`, so keep snapshots few.
+
+    path: the file, written at once with run_status "running". static: dict of name -> array for the rows
+    static_variables, which give the dimensions grain, space, shape and patch their lengths; `patch_count`
+    (shape,) adds up to that of patch. variables: schema rows of a snapshot; dims without time get it first.
+    coordinates: labels of further dimensions; space and quaternion have their own. precision: f64 or f32, how
+    rows of dtype "real" are stored. extra_attributes: dict of name -> attributes; `kind` has its flags.
+    Raises ValueError naming the row if a name, a shape or a type does not fit.
+    """
+
+    def __init__(
+        self,
+        path,
+        static,
+        static_variables,
+        variables,
+        attributes,
+        coordinates=None,
+        extra_attributes=None,
+        precision="f64",
+    ):
+        self.path = Path(path)
+        self.precision = precision
+        self.run_status = "running"
+        self.attributes = {**attributes, "comment": COMMENT}
+        declared = rows_by_name([*static_variables, *(self._in_time(v) for v in variables)])
+        self.static_variables = {n: v for n, v in declared.items() if v.dims[:1] != ("time",)}
+        self.variables = {n: v for n, v in declared.items() if v.dims[:1] == ("time",)}
+        require_names(static, self.static_variables, f"constants of {self.path.name}")
+        self.sizes = self._sizes_of(static, coordinates or {})
+        self.labels = {
+            "space": list("xyz")[: self.sizes["space"]],
+            "quaternion": list("wxyz"),
+            **{name: list(texts) for name, texts in (coordinates or {}).items()},
+        }
+        self.static = {
+            name: checked_array(v, static[name], self._shape(v.dims), precision)
+            for name, v in self.static_variables.items()
+        }
+        self._check_ragged()
+        require_known("extra_attributes", extra_attributes or {}, declared)
+        self.extra = {"kind": KIND, "bond_intact": INTACT, **(extra_attributes or {})}
+        if "patch_count" in self.static:
+            self.extra["patch_count"] = {"sample_dimension": "patch", **self.extra.get("patch_count", {})}
+        self._times = []
+        self._snapshots = {name: [] for name in self.variables}
+        self._write()
+
+    @staticmethod
+    def _in_time(variable):
+        if variable.dims[:1] == ("time",):
+            return variable
+        dims = ("time", *variable.dims)
+        return Variable(variable.name, dims, variable.dtype, variable.units, variable.long_name)
+
+    def _sizes_of(self, static, labels):
+        sizes = {"quaternion": 4, **{name: len(texts) for name, texts in labels.items()}}
+        for name, variable in self.static_variables.items():
+            shape = np.shape(static[name])
+            if len(shape) != len(variable.dims):
+                raise ValueError(f"{name}: shape {shape}, allowed are the dimensions {variable.dims}")
+            for dimension, size in zip(variable.dims, shape, strict=True):
+                sizes.setdefault(dimension, size)
+        used = {d for v in self.variables.values() for d in v.dims[1:]} | {"grain", "space"}
+        unknown = sorted(used - set(sizes))
+        if unknown:
+            raise ValueError(f"dimension {', '.join(unknown)}: no constant and no labels give its length")
+        if sizes["space"] not in (2, 3):
+            raise ValueError(f"dimension space: length {sizes['space']}, allowed are 2 and 3")
+        return sizes
+
+    def _shape(self, dims):
+        return tuple(self.sizes[d] for d in dims)
+
+    def _check_ragged(self):
+        if "patch" not in self.sizes:
+            return
+        if "patch_count" not in self.static:
+            raise ValueError("patch_count: missing; needed to tell the patches of one shape from the next")
+        total = int(self.static["patch_count"].sum())
+        if total != self.sizes["patch"] or self.static["patch_count"].min() < 1:
+            raise ValueError(
+                f"patch_count: adds up to {total}, must be positive and add up to the "
+                f"{self.sizes['patch']} patches given"
+            )
+        index = self.static.get("shape_index")
+        if index is not None and (index.min() < 0 or index.max() >= self.sizes["shape"]):
+            last = self.sizes["shape"] - 1
+            raise ValueError(f"shape_index: {index.min()}..{index.max()}, allowed are 0..{last}")
+
+    @property
+    def last_time(self):
+        """Time of the last snapshot [s], -inf before the first."""
+        return self._times[-1] if self._times else -np.inf
+
+    def append(self, time, arrays):
+        """Add one snapshot at `time` [s] and write the file. arrays: dict of name -> array without time."""
+        if self.run_status != "running":
+            raise ValueError(f"{self.path.name} is closed ({self.run_status}); no snapshot can be appended")
+        require_names(arrays, self.variables, f"snapshot of {self.path.name}")
+        if not (np.isfinite(time) and time > self.last_time):
+            raise ValueError(f"time: {time} s, must be finite and above the last snapshot's {self.last_time} s")
+        checked = {
+            name: checked_array(v, arrays[name], self._shape(v.dims[1:]), self.precision)
+            for name, v in self.variables.items()
+        }
+        self._times.append(float(time))
+        for name, array in checked.items():
+            self._snapshots[name].append(array)
+        self._write()
+
+    def close(self, run_status):
+        """Write the file with the final run_status: complete, failed or interrupted."""
+        require_status(run_status, RUN_STATUS[1:])
+        self.run_status = run_status
+        self._write()
+
+    def _write(self):
+        write_atomically(self.path, self._fill)
+
+    def _fill(self, dataset):
+        set_global_attributes(dataset, self.attributes, self.run_status)
+        for dimension in sorted(self.sizes, key=lambda d: (d not in STATIC_DIMS, d)):
+            if dimension not in self.labels:
+                dataset.createDimension(dimension, self.sizes[dimension])
+        put_time(dataset, np.array(self._times))
+        used = {d for v in (*self.static_variables.values(), *self.variables.values()) for d in v.dims}
+        labels = put_labels(dataset, {d: texts for d, texts in self.labels.items() if d in used})
+        for name, variable in self.static_variables.items():
+            put_variable(dataset, variable, self.static[name], self.extra.get(name, ()), labels)
+        for name, variable in self.variables.items():
+            array = np.empty((len(self._times), *self._shape(variable.dims[1:])), netcdf_type(variable, self.precision))
+            for i, snapshot in enumerate(self._snapshots[name]):
+                array[i] = snapshot
+            put_variable(dataset, variable, array, self.extra.get(name, ()), labels)

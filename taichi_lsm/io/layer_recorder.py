@@ -1,0 +1,115 @@
+"""The files of one sheared layer: run.nc (time series) and grains.nc (snapshots), closed with the right status."""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import SimulationError
+from ..measure.sheared_layer import STAGES, layer_rows
+from .grains_file import GrainsWriter, snapshot_rows, static_rows
+from .run_file import RunWriter, file_attributes
+
+
+class LayerRecorder:
+    """Writes what a `ShearedLayer` measures. Use as a context manager: an exception leaves a file that says so.
+
+    A long run leaves its last good state in checkpoint.nc; one that a guard stops also its state at the stop, in
+    stopped.nc and as the last snapshot of grains.nc (`Simulation.keep`).
+
+    out: folder. title, summary: of the files. config_toml: merged parameters. seed: of the packing.
+    """
+
+    def __init__(self, out, layer, title, summary, config_toml, seed):
+        sim = layer.sim
+        self.layer, self.sim = layer, sim
+        runtime = sim.runtime
+        attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
+        flags = {"flag_values": np.arange(len(STAGES), dtype=np.int32), "flag_meanings": " ".join(STAGES)}
+        out = Path(out)
+        sim.keep(out)
+        self.run = RunWriter(
+            out / "run.nc",
+            layer_rows(sim.bonds is not None),
+            attributes,
+            coordinates={"effect": layer.effects},
+            auxiliary=("shear_strain",),
+            extra_attributes={"stage": flags},
+        )
+        dim = sim.scene.dim
+        oriented = sim.grains.has("orientation")
+        self.grains = GrainsWriter(
+            out / "grains.nc",
+            _constants(sim.scene),
+            static_rows(dim, sim.bonds is not None),
+            snapshot_rows(dim, rotates=sim.rotates, oriented=oriented, bonded=sim.bonds is not None),
+            attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
+        )
+
+    def row(self, stage):
+        """Append a row to run.nc and return it."""
+        row = self.layer.row(stage)
+        with self.sim.clock("output"):
+            self.run.append(row)
+        return row
+
+    def snapshot(self):
+        """Append all grains to grains.nc."""
+        with self.sim.clock("output"):
+            self._snapshot(self.sim.time)
+
+    def _snapshot(self, time):
+        state, scene = self.sim.state, self.sim.scene
+        arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
+        if self.sim.rotates:
+            spin = state.spin.to_numpy()
+            arrays["angular_velocity"] = spin[:, 0] if scene.dim == 2 else spin
+        if self.sim.grains.has("orientation"):
+            arrays["orientation"] = _quaternions(state.orientation.to_numpy())
+        if self.sim.bonds:
+            arrays["bond_intact"] = self.sim.bonds.intact.to_numpy()
+        self.grains.append(time, arrays)
+
+    def _snapshot_of_stop(self):
+        """The state in which a run was stopped, if it can be drawn; in a step that had begun, if there is one of the
+        time before it."""
+        if np.isfinite(self.sim.state.position.to_numpy()).all():
+            self._snapshot(self.sim.time + self.sim.dt * (self.sim.time <= self.grains.last_time))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, error, trace):
+        if kind is not None and issubclass(kind, SimulationError):
+            self._snapshot_of_stop()
+        status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
+        self.run.close(status)
+        self.grains.close(status)
+
+
+def _quaternions(turn):
+    """Unit quaternions (w, x, y, z) of orientations; a 2D turn is one about z."""
+    if turn.shape[1] == 4:
+        return turn
+    half = 0.5 * np.arctan2(turn[:, 1], turn[:, 0])
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
+
+
+def _constants(scene):
+    """What does not change: per grain, then per patch of the shape table."""
+    mass, inertia = scene.masses()
+    patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
+    ends = {} if scene.bonds is None else {"bond_first": scene.bonds[:, 0], "bond_second": scene.bonds[:, 1]}
+    return ends | {
+        "mass": mass,
+        "inertia": inertia[:, 0] if scene.dim == 2 else inertia,
+        "bounding_radius": scene.per_grain("bounding_radius"),
+        "kind": (scene.platen >= 0).astype(np.int32),
+        "shape_index": scene.shape.astype(np.int32),
+        "shape_scale": scene.scale,
+        "patch_count": np.array([s.patch_count for s in scene.shapes], np.int32),
+        "patch_centre": patches[0],
+        "patch_radius": patches[1],
+        "patch_axis": patches[2],
+        "patch_angle": patches[3],
+    }

@@ -1,0 +1,238 @@
+"""NetCDF files that survive a kill: every write makes a whole new file and renames it over the old one.
+
+Conventions CF-1.11 and ACDD-1.3. Times are float64 elapsed seconds with units "s", never "seconds since" a
+date. Text labels are auxiliary coordinates such as `effect_name(effect)`.
+"""
+
+import subprocess
+import time
+import uuid
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+from ..core.atomic_netcdf import write_atomically
+from .netcdf_variables import (
+    checked_array,
+    netcdf_type,
+    put_labels,
+    put_time,
+    put_variable,
+    require_known,
+    require_names,
+    rows_by_name,
+)
+
+RUN_STATUS = ("running", "complete", "failed", "interrupted")
+REFERENCES = (
+    "Abe and Mora (2003), Efficient implementation of complex particle shapes in the lattice solid model; "
+    "Mair, Frye and Marone (2002), doi:10.1029/2001JB000516"
+)
+
+
+def utc_now():
+    """Present time as ISO 8601 text in UTC, to the second."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def package_version(name):
+    """Version of an installed distribution, or "unknown"."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def git_commit(folder=None):
+    """Commit of the repository that the package's folder lies in, or "unknown".
+
+    A repository without taichi_lsm at its root is somebody else's that holds a virtual environment: unknown.
+    """
+    folder = Path(__file__).parent if folder is None else Path(folder)
+    command = ["git", "rev-parse", "--show-toplevel", "HEAD"]
+    try:
+        answer = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    root, commit = answer.stdout.split("\n")[:2]
+    return commit if (Path(root) / "taichi_lsm" / "scene.py").exists() else "unknown"
+
+
+def file_attributes(title, summary, config_toml, seed, dt, arch, precision, references=REFERENCES):
+    """Global attributes of a file, as a dict; the writers add run_status and date_modified.
+
+    config_toml: the merged parameters as TOML text; dt [s]: time step; arch, precision: those of the runtime.
+    """
+    version, created = package_version("taichi-lsm"), utc_now()
+    return {
+        "Conventions": "CF-1.11, ACDD-1.3",
+        "title": title,
+        "summary": summary,
+        "source": f"taichi_lsm {version}, Taichi {package_version('taichi')}, {arch}, {precision}",
+        "history": f"{created} created by taichi_lsm {version}",
+        "references": references,
+        "date_created": created,
+        "id": str(uuid.uuid4()),
+        "config_toml": config_toml,
+        "seed": int(seed),
+        "dt": float(dt),
+        "git_commit": git_commit(),
+    }
+
+
+def set_global_attributes(dataset, attributes, run_status):
+    """Write the global attributes with this run_status and the present date_modified."""
+    dataset.setncatts({**attributes, "run_status": run_status, "date_modified": utc_now()})
+
+
+def require_status(run_status, allowed=RUN_STATUS):
+    """Raise ValueError unless run_status is one of `allowed`."""
+    if run_status not in allowed:
+        raise ValueError(f"run_status {run_status!r}, allowed are {', '.join(allowed)}")
+
+
+def write_table(
+    path,
+    columns,
+    variables,
+    attributes,
+    parameters=(),
+    text=None,
+    run_status="complete",
+    extra_attributes=None,
+):
+    """Write a file with one row per run (dimension `run`), such as compare.nc and sweep.nc.
+
+    columns: dict of name -> n numbers or texts. variables: schema rows, dims ("run",), of the number columns.
+    text: dict of name -> long_name of the text columns. parameters: names of the columns that were varied,
+    which become coordinates. extra_attributes: dict of name -> attributes, e.g. flag_values.
+    Raises ValueError for a column that is missing, unknown, of another length or of the wrong type.
+    """
+    text, extra_attributes = text or {}, extra_attributes or {}
+    rows = rows_by_name(variables)
+    require_status(run_status)
+    require_names(columns, [*rows, *text], "table columns")
+    require_known("parameters", parameters, columns)
+    require_known("extra_attributes", extra_attributes, columns)
+    count = len(next(iter(columns.values()), ()))
+    if count == 0:
+        raise ValueError("table columns: no runs to write")
+    arrays = {}
+    for name, variable in rows.items():
+        if variable.dims != ("run",):
+            raise ValueError(f"{name}: dims {variable.dims}, allowed is ('run',)")
+        arrays[name] = checked_array(variable, columns[name], (count,))
+    for name in text:
+        if len(columns[name]) != count or not all(isinstance(value, str) for value in columns[name]):
+            raise ValueError(f"{name}: {count} texts expected, got {columns[name]!r}")
+
+    def fill(dataset):
+        set_global_attributes(dataset, attributes, run_status)
+        dataset.createDimension("run", count)
+        # Coordinates first: a variable can only be attached to what is there.
+        for name in sorted(columns, key=lambda name: name not in parameters):
+            attached = () if name in parameters else parameters
+            if name in rows:
+                put_variable(dataset, rows[name], arrays[name], extra_attributes.get(name, ()), attached)
+                continue
+            stored = dataset.createVariable(name, str, ("run",))
+            stored.setncatts({"long_name": text[name], **extra_attributes.get(name, {})})
+            if attached:
+                stored.coordinates = " ".join(attached)
+            stored[:] = np.array(columns[name], dtype=object)
+
+    write_atomically(path, fill)
+
+
+class RunWriter:
+    """Time series of one run: rows are buffered, the whole file is rewritten at every flush.
+
+    path: the file, written at once with run_status "running". variables: schema rows with dims ("time",) or
+    ("time", <labelled dimension>); "real" is stored as f64. attributes: see `file_attributes`.
+    coordinates: dict of dimension -> labels, for every dimension other than time, e.g. {"effect": [...]}.
+    auxiliary: names of variables along time that serve the others as coordinates, such as the shear strain.
+    extra_attributes: dict of name -> attributes, e.g. {"stage": {"flag_values": [0, 1], "flag_meanings":
+    ["settle", "shear"]}}.
+    flush_seconds [s]: `append` flushes when the last write is older. Not reentrant: see `write_atomically`.
+    """
+
+    def __init__(
+        self,
+        path,
+        variables,
+        attributes,
+        coordinates=None,
+        flush_seconds=30.0,
+        auxiliary=(),
+        extra_attributes=None,
+    ):
+        self.path = Path(path)
+        self.attributes = dict(attributes)
+        self.labels = {name: list(texts) for name, texts in (coordinates or {}).items()}
+        self.flush_seconds = flush_seconds
+        self.extra = dict(extra_attributes or {})
+        self.variables = rows_by_name([v for v in variables if v.name != "time"])
+        self.auxiliary = tuple(auxiliary)
+        self.run_status = "running"
+        self._check_declaration()
+        self._shapes = {name: tuple(len(self.labels[d]) for d in v.dims[1:]) for name, v in self.variables.items()}
+        self._rows = {name: [] for name in ("time", *self.variables)}
+        self._stored = {"time": np.empty(0)}
+        for name, variable in self.variables.items():
+            self._stored[name] = np.empty((0, *self._shapes[name]), netcdf_type(variable))
+        self._last_time = -np.inf
+        self.flush()
+
+    def _check_declaration(self):
+        for name, variable in self.variables.items():
+            if variable.dims[:1] != ("time",):
+                raise ValueError(f"{name}: dims {variable.dims}, the first must be 'time'")
+            for dimension in variable.dims[1:]:
+                if dimension not in self.labels:
+                    raise ValueError(f"{name}: dimension {dimension!r} has no labels in coordinates")
+        require_known("auxiliary", self.auxiliary, self.variables)
+        require_known("extra_attributes", self.extra, self.variables)
+
+    def append(self, row):
+        """Add one row: a dict with time [s] and a value for every declared variable, in its units.
+
+        Raises ValueError, and keeps nothing of the row, if a name is missing or unknown, a value has the
+        wrong shape or type, time does not increase, or the writer is closed.
+        """
+        if self.run_status != "running":
+            raise ValueError(f"{self.path.name} is closed ({self.run_status}); no row can be appended")
+        require_names(row, ["time", *self.variables], f"row of {self.path.name}")
+        now = float(row["time"])
+        if not (np.isfinite(now) and now > self._last_time):
+            raise ValueError(f"time: {now} s, must be finite and above the last row's {self._last_time} s")
+        checked = {n: checked_array(v, row[n], self._shapes[n]) for n, v in self.variables.items()}
+        self._last_time = now
+        for name, value in {"time": np.float64(now), **checked}.items():
+            self._rows[name].append(value)
+        if time.monotonic() - self._flushed >= self.flush_seconds:
+            self.flush()
+
+    def flush(self):
+        """Write all rows so far."""
+        for name, rows in self._rows.items():
+            if rows:
+                self._stored[name] = np.concatenate([self._stored[name], np.stack(rows)])
+                rows.clear()
+        write_atomically(self.path, self._fill)
+        self._flushed = time.monotonic()
+
+    def close(self, run_status):
+        """Write all rows with the final run_status: complete, failed or interrupted."""
+        require_status(run_status, RUN_STATUS[1:])
+        self.run_status = run_status
+        self.flush()
+
+    def _fill(self, dataset):
+        set_global_attributes(dataset, self.attributes, self.run_status)
+        put_time(dataset, self._stored["time"])
+        attached = (*self.auxiliary, *put_labels(dataset, self.labels))
+        for name in (*self.auxiliary, *(n for n in self.variables if n not in self.auxiliary)):
+            extra, coordinates = self.extra.get(name, ()), () if name in self.auxiliary else attached
+            put_variable(dataset, self.variables[name], self._stored[name], extra, coordinates)

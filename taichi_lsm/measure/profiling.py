@@ -1,0 +1,97 @@
+"""Where the time of a run went: what the host did, and the stages of a step timed one by one."""
+
+import time
+
+from ..core.runtime import ti
+
+REPEATS = 20  # of a stage per launch
+TURNS = 5  # launches of each stage, in turn; the medians count
+
+
+@ti.data_oriented
+class StepStages:
+    """The stages of a step, each by itself, in one thread, with a time step of zero: the state stays as it is.
+
+    Only the impulses of the last step are forgotten and sums over the platens counted again, so that a run should not
+    be continued afterwards.
+    """
+
+    def __init__(self, sim):
+        self.forces, self.integrator, self.grains = sim.forces, sim.integrator, sim.grains
+        self.platens, self.driven = sim.platens, sim.platens is not None
+
+    @ti.kernel
+    def drift(self, repeats: ti.i32):
+        ti.loop_config(serialize=True)
+        for _ in range(repeats):
+            for k in range(self.grains.count[None]):
+                if self.grains.platen[k] < 0:
+                    self.integrator.advance(k, 0)
+
+    @ti.kernel
+    def contacts(self, repeats: ti.i32):
+        ti.loop_config(serialize=True)
+        for t in range(1):
+            lanes = self.forces.lanes(0)
+            for _ in range(repeats):
+                self.forces.rows(lanes, 0, self.grains.count[None], 0.0)
+
+    @ti.kernel
+    def platen_sums(self, repeats: ti.i32):
+        ti.loop_config(serialize=True)
+        for _ in range(repeats):
+            if ti.static(self.driven):
+                self.platens.gather(self.forces, 1.0)
+
+    def seconds(self):
+        """Time of each stage once [s]: {name: seconds}."""
+        dt = self.integrator.dt[None]
+        self.integrator.dt[None] = 0.0
+        stages = {
+            "contacts": self.contacts,  # first: it clears impulses, which every drift would apply once more
+            "gather, integrate": self.drift,
+            "platens": self.platen_sums,
+            "launch": lambda repeats: [self.integrator.steps(0, 0, 0.0) for _ in range(repeats)],
+        }
+        taken = {name: [] for name in stages}
+        for turn in range(TURNS + 1):
+            for name, stage in stages.items():
+                began = time.perf_counter()
+                stage(REPEATS)
+                if turn > 0:  # the first one compiles
+                    taken[name].append((time.perf_counter() - began) / REPEATS)
+        self.integrator.dt[None] = dt
+        return {name: sorted(values)[TURNS // 2] for name, values in taken.items()}
+
+
+def profile(sim):
+    """Where the time of a run went, as rows (what, part of all seconds, nanoseconds per grain and step).
+
+    Indented rows are the stages of a step. They are timed once more, one by one and in one thread, at the end of the
+    run, whose state should not be used afterwards. Raises ValueError if no step was made.
+    """
+    grain_steps = sim.step * len(sim)
+    total = sum(sim.seconds.values())
+    if not grain_steps:
+        raise ValueError("profile: no step was made")
+    rows = []
+    for name, seconds in sim.seconds.items():
+        rows.append((name, seconds / total, seconds / grain_steps * 1e9))
+        if name == "steps" and not sim.integrator.offloaded:
+            stages = StepStages(sim).seconds()
+            launches = stages.pop("launch")
+            rows += [(f"  {n}", s * sim.step / total, s / len(sim) * 1e9) for n, s in stages.items() if s * 1e9 > 100]
+            rows.append(("  launch", launches * sim.launches / total, launches * sim.launches / grain_steps * 1e9))
+    return rows
+
+
+def profile_text(sim):
+    """`profile` as a table, with the sizes that explain it: grains, steps, rebuilds, listed pairs, bytes of a pair."""
+    pairs = int(sim.pairs.row_start.to_numpy()[len(sim)])
+    lines = [
+        f"{len(sim)} grains, {sim.step} steps, a new neighbour list every {sim.step / max(1, sim.rebuilds):.0f} steps, "
+        f"{pairs / len(sim):.2f} listed pairs per grain of {sim.pairs.bytes_per_pair()} bytes",
+        f"{'':24}{'share':>8}{'ns per grain and step':>24}",
+    ]
+    lines += [f"{name:24}{100 * share:7.1f}%{cost:24.2f}" for name, share, cost in profile(sim)]
+    return "\n".join(lines)

@@ -1,0 +1,201 @@
+"""Sums over grains and contacts at one instant: energies, stress, coordination, in a fixed order.
+
+Grains are summed in blocks of consecutive ids, blocks one after the other: the bits do not depend on threads.
+"""
+
+import numpy as np
+
+from ..contact.pair_storage import ACTING, SLIDING, TOUCHING
+from ..core.runtime import current, ti
+
+BLOCK = 64
+EVERYWHERE = 1e300  # [m], a slab without bounds; infinity times a gradient of zero would be no number
+
+
+@ti.data_oriented
+class Measure:
+    """One pass over the state. `sums()` returns {name: value}, SI, velocities synchronised with positions.
+
+    translational_energy, rotational_energy [J] of mobile grains; energy_<law> [J] stored and dissipated_<law> [J]
+    booked by each law; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
+    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap); bond_count (intact ones,
+    in scenes with bonds);
+    stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
+    at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
+    In a sheared cell velocities are relative to the mean flow, in translational_energy too, and shear_work [J] is what
+    shearing has done: its change is -shear_rate sigma_xy V over the time.
+    """
+
+    def __init__(self, forces, integrator):
+        self.forces, self.integrator = forces, integrator
+        self.grains, self.pairs, self.dim = forces.grains, forces.pairs, forces.dim
+        self.stores = [e for e in forces.laws if hasattr(type(e), "contact_energy")]
+        self.pulls = [e for e in forces.body_laws if hasattr(type(e), "grain_energy")]
+        self.names = ["translational_energy", "rotational_energy"]
+        self.bonds, self.bonded = forces.bonds, forces.bonded
+        self.held = [forces.bonds.law] if self.bonded else []
+        self.names += [f"energy_{e.name}" for e in self.stores + self.held + self.pulls]
+        if forces.ledger:
+            self.names += [f"dissipated_{e.name}" for e in forces.books]
+        self.names += ["shear_work"] if forces.domain.sheared else []
+        self.names += ["contact_count", "contact_ends", "sliding_count"] + (["bond_count"] if self.bonded else [])
+        self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
+        self.at = {name: i for i, name in enumerate(self.names)}
+        self.width = len(self.names)
+        blocks = -(-self.grains.slot_of.shape[0] // BLOCK)
+        self.block_sum = ti.Vector.field(self.width, ti.f64, blocks)
+        self.block_deepest = ti.field(ti.f64, blocks)
+        self.serial = current().serial
+
+    @ti.func
+    def inside(self, y, reach, low, high):
+        """Part of the segment from y to y + reach that lies in the slab [-]."""
+        bottom, top = ti.min(y, y + reach), ti.max(y, y + reach)
+        part = ti.cast(0.0, ti.f64)
+        if top > bottom:
+            part = ti.max(0.0, ti.min(top, high) - ti.max(bottom, low)) / (top - bottom)
+        elif bottom >= low and bottom < high:
+            part = 1.0
+        return part
+
+    @ti.func
+    def add_grain(self, k, low, high, velocity, gradient, total: ti.template()):
+        g = self.grains
+        if g.platen[k] < 0:
+            m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
+            v, omega = self.integrator.synchronised(k)
+            if ti.static(self.forces.domain.sheared):
+                v[0] -= self.forces.domain.shear_rate[0] * g.position[k][1]
+                total[ti.static(self.at["shear_work"])] += g.shear_work[k]
+            total[0] += 0.5 * m * v.dot(v)
+            if ti.static(self.forces.rotates):
+                omega = self.integrator.principal(k, omega)
+                for c in ti.static(range(g.sizes["spin"])):
+                    total[1] += 0.5 * omega[c] * omega[c] / g.inverse_inertia[k][c]
+            for law in ti.static(self.pulls):
+                total[ti.static(self.at["energy_" + law.name])] += law.grain_energy(g.inverse_mass[k], g.position[k])
+            y = g.position[k][1]
+            if y >= low and y < high:
+                v[0] -= velocity + gradient * (y - low)
+                for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += m * v[a] * v[b]
+        if ti.static(self.forces.ledger):
+            for law in ti.static(self.forces.books):
+                spent = g.dissipated[k][ti.static(self.forces.book_of(law))]
+                total[ti.static(self.at["dissipated_" + law.name])] += spent
+
+    @ti.func
+    def add_bond(self, b, low, high, total: ti.template()):
+        """Energy and stress of bond b, if it is intact."""
+        g, bonds = self.grains, self.bonds
+        k, l = g.slot_of[bonds.first[b]], g.slot_of[bonds.second[b]]
+        if bonds.intact[b] == 1:
+            total[ti.static(self.at["bond_count"])] += 1.0
+            total[ti.static(self.at["energy_" + bonds.law.name])] += bonds.energy(b)
+            d = bonds.domain.displacement(g.position[k], g.position[l])
+            part = self.inside(g.position[k][1], d[1], low, high)
+            for a, c in ti.static(ti.ndrange(self.dim, self.dim)):
+                total[ti.static(self.at["stress_xx"] + a * self.dim + c)] += part * bonds.force[b][a] * d[c]
+
+    @ti.func
+    def add_contact(self, k, s, low, high, total: ti.template()):
+        g, pairs = self.grains, self.pairs
+        l = pairs.partner[s]
+        d = self.forces.geometry.shortest(k, l)
+        depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
+        contact = self.forces.contact_of(k, l, s, depth, n, arm_k, arm_l, 0.0)
+        for law in ti.static(self.stores):
+            if ti.static(law.history_size(self.dim) > 0):
+                memory = self.forces.history_of(law, s)
+                total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, memory)
+            else:
+                total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, 0)
+        touching = ti.cast(contact.touching, ti.f64)
+        mobile = ti.cast(g.platen[k] < 0, ti.f64) + ti.cast(g.platen[l] < 0, ti.f64)
+        total[ti.static(self.at["contact_count"])] += touching
+        total[ti.static(self.at["contact_ends"])] += touching * mobile
+        total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] & SLIDING, 1.0, 0.0)
+        part = self.inside(g.position[k][1], d[1], low, high)
+        for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+            total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * pairs.pair_force[s][a] * d[b]
+        limit = g.radius[k] + g.radius[l]
+        if ti.static(self.forces.shaped):
+            limit = g.cap_radius[k] + g.cap_radius[l]
+        if ti.static(self.forces.domain.sheared):  # of the last step only half belongs to the time until now
+            moment = 0.5 * self.integrator.dt[None] * pairs.pair_force[s][0] * d[1]
+            total[ti.static(self.at["shear_work"])] += self.forces.domain.shear_rate[0] * moment
+        return ti.cast(depth / limit, ti.f64)
+
+    @ti.func
+    def add_walls(self, k, low, high, total: ti.template()):
+        """Contacts of grain k with the walls; their branch vectors go from its centre to the contact. Returns the
+        greatest depth over the bounding radius, beyond which its centre lies behind the wall."""
+        g, walls = self.grains, self.forces.walls
+        deepest = ti.cast(0.0, ti.f64)
+        for w in range(walls.count):
+            r = g.id[k] * walls.count + w
+            if walls.row_status[r] & (TOUCHING | ACTING):
+                contact, depth, arm, feature = walls.contact(self.forces, k, w, 0.0)
+                for law in ti.static(self.stores):
+                    stored = 0.0 * depth
+                    if ti.static(law.history_size(self.dim) > 0):
+                        stored = law.contact_energy(contact, walls.history_of(self.forces, law, r))
+                    else:
+                        stored = law.contact_energy(contact, 0)
+                    total[ti.static(self.at["energy_" + law.name])] += stored
+                total[ti.static(self.at["contact_count"])] += contact.touching
+                total[ti.static(self.at["contact_ends"])] += contact.touching
+                total[ti.static(self.at["sliding_count"])] += ti.select(walls.row_status[r] & SLIDING, 1.0, 0.0)
+                part = self.inside(g.position[k][1], ti.cast(arm[1], ti.f64), low, high)
+                for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
+                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * walls.row_force[r][a] * arm[b]
+                deepest = ti.max(deepest, depth / g.radius[k])
+        return deepest
+
+    @ti.kernel
+    def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64, result: ti.types.ndarray()):
+        g, pairs = self.grains, self.pairs
+        count = g.count[None]
+        blocks = (count + BLOCK - 1) // BLOCK
+        ti.loop_config(serialize=self.serial)
+        for block in range(blocks):
+            total = ti.Vector([ti.cast(0.0, ti.f64)] * self.width)
+            deepest = ti.cast(0.0, ti.f64)
+            for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
+                k = g.slot_of[i]
+                self.add_grain(k, low, high, velocity, gradient, total)
+                if ti.static(self.bonded):
+                    for b in range(self.bonds.lead[i], self.bonds.lead[i + 1]):
+                        self.add_bond(b, low, high, total)
+                for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
+                    if pairs.status[s] & (TOUCHING | ACTING):
+                        deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
+                if ti.static(self.forces.walled):
+                    deepest = ti.max(deepest, self.add_walls(k, low, high, total))
+            self.block_sum[block] = total
+            self.block_deepest[block] = deepest
+        ti.loop_config(serialize=True)
+        for c in range(self.width + 1):
+            result[c] = 0.0
+        ti.loop_config(serialize=True)
+        for block in range(blocks):
+            for c in ti.static(range(self.width)):
+                result[c] += self.block_sum[block][c]
+            result[self.width] = ti.max(result[self.width], self.block_deepest[block])
+
+    def sums(self, low=-EVERYWHERE, high=EVERYWHERE, volume=1.0, velocity=0.0, gradient=0.0):
+        """Measure now; see the class docstring.
+
+        Stress is taken over low <= y < high [m], volume [m3], where the mean velocity along x is
+        velocity + gradient (y - low) [m s-1, s-1].
+        """
+        values = np.zeros(self.width + 1)
+        self.reduce(low, high, velocity, gradient, values)
+        result = {name: float(values[i]) for name, i in self.at.items() if not name.startswith("stress_")}
+        first = self.at["stress_xx"]
+        stress = values[first : first + self.dim**2].reshape(self.dim, self.dim) / volume
+        result["stress"] = stress
+        result["deepest"] = float(values[-1])
+        result["elastic_energy"] = sum(result[f"energy_{e.name}"] for e in self.stores + self.held)
+        result["potential_energy"] = sum(result[f"energy_{e.name}"] for e in self.pulls)
+        return result

@@ -1,0 +1,1 @@
+"""Time integration: state, forces, schemes, step loops, guards."""

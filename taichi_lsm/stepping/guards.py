@@ -1,0 +1,34 @@
+"""Limits beyond which a run is not to be trusted, and the error that stops it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Guards:
+    """Limits of a run; None switches a guard off.
+
+    step: time step over the stable one of the contacts that are there; displacement: way of a grain in one step, in
+    its bounding radius; energy: error of the energy balance, in energy turned over; overlap: depth of a contact over
+    its cap, 1 or None; wall: centres may not pass plane walls, 1 or None; finite: positions, velocities and
+    orientations are numbers, 1 or None.
+    """
+
+    step: float | None = 1.0
+    displacement: float | None = 0.1
+    energy: float | None = 0.1
+    overlap: float | None = 1.0
+    wall: float | None = 1.0
+    finite: float | None = 1.0
+
+    def __post_init__(self):
+        for name in ("step", "displacement", "energy"):
+            limit = getattr(self, name)
+            if limit is not None and not (np.isfinite(limit) and limit > 0.0):
+                raise InputError(f"Guards.{name} = {limit!r}: must be > 0, or None to switch the guard off")
+        for name in ("overlap", "wall", "finite"):
+            if getattr(self, name) not in (1.0, None):
+                raise InputError(f"Guards.{name} = {getattr(self, name)!r}: must be 1, or None to switch the guard off")

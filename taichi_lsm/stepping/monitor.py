@@ -1,0 +1,181 @@
+"""Looks after a running simulation: stops it when a limit of its `Guards` is passed.
+
+Nothing is added to a step. A grain that moves by more than half the skin in one step asks for a new neighbour list,
+so that its speed is checked there; contacts, numbers and energies are looked at once in many steps.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..contact.error_flags import OVERLAP, WALL
+from ..contact.neighbour_search import FAR
+from ..contact.pair_storage import ACTING, TOUCHING
+from ..core.errors import SimulationError
+from ..core.runtime import ti
+from ..measure.energy_budget import energies
+
+LOOK_STEPS = 1000  # between two looks at contacts and speeds
+BALANCE_STEPS = 5000  # between two sums of the energies
+
+
+@ti.data_oriented
+class Sentinel:
+    """Checks a simulation against `scene.guards`; raises SimulationError with the step, the grains and the values."""
+
+    def __init__(self, sim, former=None):
+        """former: the sentinel of `sim` with smaller storage, whose memory goes on."""
+        self.sim, self.grains, self.domain = sim, sim.grains, sim.domain
+        self.contacts = sim.search.row_count  # of each grain; between two searches its rows are free
+        self.oriented = sim.grains.has("orientation")
+        self.pairs, self.walls, self.walled = sim.pairs, sim.walls, sim.walls is not None
+        self.next_look = self.next_sum = self.look_steps = LOOK_STEPS
+        self.bodies = self.first = None
+        self.highest = 0.0
+        if former:
+            self.next_look, self.look_steps, self.next_sum = former.next_look, former.look_steps, former.next_sum
+            self.bodies, self.first, self.highest = former.bodies, former.first, former.highest
+
+    def begin(self):
+        """Start again: a scene was loaded. A step beyond that of a dense packing is looked at from the start on."""
+        self.next_look, self.look_steps = self.sim.step + LOOK_STEPS, LOOK_STEPS
+        self.bodies = None
+        self.forget()
+        guards, scene = self.sim.scene.guards, self.sim.scene
+        if guards.step and scene.dt and not scene.dt <= guards.step * scene.step_bound(scene.bodies()):
+            self.look_steps = 1
+            self._check_grains()
+
+    def forget(self):
+        """The energies have been changed from outside: take their balance anew at the next sum."""
+        self.first, self.highest, self.next_sum = None, 0.0, self.sim.step + BALANCE_STEPS
+
+    @ti.kernel
+    def look(self, result: ti.types.ndarray()):
+        """Fill `result`: [greatest sum of contacts/m over the two grains of a contact, their ids; greatest speed over
+        bounding radius, its id; id of a grain that is nowhere, or -1]."""
+        g, p = self.grains, self.pairs
+        n = g.count[None]
+        crowd, first, second = ti.cast(0.0, ti.f64), 0, 0
+        fastest, fast, lost = ti.cast(0.0, ti.f64), 0, -1
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for k in range(n):
+                self.contacts[k] = 0
+                if ti.static(self.walled):
+                    for r in range(g.id[k] * self.walls.count, (g.id[k] + 1) * self.walls.count):
+                        self.contacts[k] = self.contacts[k] + ti.cast(self.walls.row_status[r] != 0, ti.i32)
+            for s in range(p.row_start[n]):
+                if p.status[s] & (TOUCHING | ACTING):
+                    self.contacts[p.first[s]] = self.contacts[p.first[s]] + 1
+                    self.contacts[p.partner[s]] = self.contacts[p.partner[s]] + 1
+            for s in range(p.row_start[n]):
+                if p.status[s] & (TOUCHING | ACTING):
+                    k, l = p.first[s], p.partner[s]
+                    sum_k, sum_l = self.per_mass(k), self.per_mass(l)
+                    if sum_k + sum_l > crowd:
+                        crowd, first, second = sum_k + sum_l, g.id[k], g.id[l]
+            for k in range(n):
+                if self.per_mass(k) > crowd:  # on walls alone
+                    crowd, first, second = self.per_mass(k), g.id[k], g.id[k]
+                v, x = g.velocity[k], g.position[k]
+                size = ti.abs(x).sum() + ti.abs(v).sum()
+                if ti.static(self.oriented):
+                    size += ti.abs(g.orientation[k]).sum()
+                if not size < FAR:
+                    lost = g.id[k]
+                if ti.static(self.domain.sheared):
+                    v[0] -= self.domain.shear_rate[0] * x[1]
+                if g.platen[k] < 0 and v.norm() > fastest * g.radius[k]:
+                    fastest, fast = v.norm() / g.radius[k], g.id[k]
+            result[0], result[1], result[2] = crowd, first, second
+            result[3], result[4], result[5] = fastest, fast, lost
+
+    @ti.func
+    def per_mass(self, k):
+        """Contacts of grain k over its mass [kg-1]; 0 for a glued one, which its contacts do not move."""
+        g = self.grains
+        return ti.select(g.platen[k] < 0, self.contacts[k] * ti.cast(g.inverse_mass[k], ti.f64), 0.0)
+
+    def check(self):
+        """Make the looks that are due."""
+        step = self.sim.step
+        if step >= self.next_look:
+            self.next_look = step + self.look_steps
+            self._check_grains()
+        if step >= self.next_sum:
+            self.next_sum = step + BALANCE_STEPS
+            self._check_energy()
+
+    def check_all(self):
+        """Look at everything now."""
+        self._check_grains()
+        self._check_energy()
+
+    def _check_grains(self):
+        sim, guards = self.sim, self.sim.scene.guards
+        result = np.zeros(6)
+        self.look(result)
+        crowd, k, l, fastest, fast, lost = result
+        if guards.finite and lost >= 0:
+            self._stop(f"grain {lost:.0f}: its position, velocity or orientation is not a number", [lost], {})
+        if guards.displacement and fastest * sim.dt > guards.displacement:
+            error = sim.search.jump_error(int(fast), sim.dt, guards.displacement)
+            self._stop(str(error), error.grains, error.values)
+        if guards.step and crowd > 0.0:
+            self.bodies = self.bodies or sim.scene.bodies()
+            coordination = 0.5 * crowd * self.bodies.least_mass
+            stable = sim.scene.step_bound(replace(self.bodies, coordination=coordination))
+            if sim.dt > guards.step * stable:
+                self._stop(
+                    f"the time step {sim.dt:g} s is {sim.dt / stable:.3g} of the stable one for the contacts of grains "
+                    f"{k:.0f} and {l:.0f}; use dt <= {guards.step * stable:g} s",
+                    [k, l],
+                    {"dt": sim.dt, "stable_dt": stable},
+                )
+
+    def _check_energy(self):
+        sim, limit = self.sim, self.sim.scene.guards.energy
+        pushes = any(not hasattr(type(e), "grain_energy") for e in sim.forces.body_laws)
+        if not limit or pushes:  # by forces without an energy, whose work nobody books
+            return
+        now = energies(sim)
+        self.first = first = self.first or now
+        self.highest = max(self.highest, now.kinetic + abs(now.elastic))
+        turned = self.highest + abs(now.potential - first.potential) + abs(now.work - first.work)
+        turned += max(0.0, now.dissipated - first.dissipated)
+        error = now.balance - first.balance
+        unbooked = not sim.scene.ledger and any(e.dissipates for e in sim.scene.effects)
+        if not (error if unbooked else abs(error)) <= limit * turned:
+            self._stop(
+                f"the energy balance is lost by {error:g} J, {abs(error) / turned:.3g} of the {turned:g} J that were "
+                f"turned over, allowed is {limit:g}; use a smaller time step",
+                [],
+                {"energy_error": error, "energy_turned_over": turned},
+            )
+
+    def check_faults(self):
+        """Stop at a fault that a kernel reported, unless its guard is off."""
+        found = self.sim.faults.taken()
+        if found is None:
+            return
+        code, k, l = found
+        sim, guards = self.sim, self.sim.scene.guards
+        x = sim.state.position.to_numpy()
+        if code == OVERLAP and guards.overlap:
+            apart = sim.domain.apart(x[k], x[l])
+            self._stop(
+                f"grains {k} and {l}: their overlap reached the cap at which the contact is no longer unique, their "
+                f"centres are {np.linalg.norm(apart):g} m apart; use stiffer grains or less stress",
+                [k, l],
+                {"distance": float(np.linalg.norm(apart))},
+            )
+        if code == WALL and guards.wall:
+            self._stop(
+                f"grain {k}: its centre went beyond wall {sim.walls.names[l]!r}; use stiffer grains or a smaller step",
+                [k],
+                {},
+            )
+
+    def _stop(self, text, grains, values):
+        raise SimulationError(f"step {self.sim.step}: {text}", self.sim.step, grains, values)

@@ -1,0 +1,125 @@
+"""Impulses in the step in which a contact begins, ends or crosses a seam.
+
+Verlet is the trapezoidal rule for the impulse of a force; where the force starts, stops or bends inside a step the rule
+errs by a Hurwitz zeta term (generalised Euler-Maclaurin), which these impulses make up for.
+"""
+
+from ..core.rotation import torque_of, turned, unrotate
+from ..core.runtime import current, ti
+
+LEAST_FRACTION = 0.03  # of a step after a seam: in less the features do not differ by more than their errors
+GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the force: more is no mere kink
+
+
+@ti.data_oriented
+class OnsetCorrection:
+    """The impulses of one scene. geometry: PairGeometry; springs: laws with `onset_impulse`."""
+
+    def __init__(self, geometry, springs, contact_type):
+        self.geometry, self.springs, self.contact_type = geometry, springs, contact_type
+        self.grains = geometry.grains
+        self.surface = geometry.surface if geometry.shaped else None
+        self.real = current().real
+        self.rotates, self.shaped = self.grains.has("spin"), geometry.shaped
+        self.tumbles = self.grains.has("angular_momentum")
+
+    @ti.func
+    def end_kick(self, k, l, s, d, began, depth, n, arm_k, arm_l, dt):
+        """Impulse along the contact [N s] in the first step after it begins (began = 1) or ends (0).
+
+        It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
+        `passage`. A contact that began and ended within one step leaves nothing to correct.
+        """
+        last, earlier = self.depths_before(k, l, s, d, n, dt)
+        ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
+        return self.impulse(began, depth, last, earlier, ease, dt)
+
+    @ti.func
+    def impulse(self, began, depth, last, earlier, ease, dt):
+        """`end_kick` from the depths [m] now, a step and two steps ago; ease [kg-1]: acceleration of the depth per
+        force."""
+        kick = 0.0 * depth
+        u, inside = (depth - last) / dt, depth
+        acceleration = (u - (last - earlier) / dt) / dt
+        if began == 0:  # with time reversed the contact begins; its own force fades within the step
+            u, inside = -u, last
+            acceleration += self.elastic_force(ti.max(last, 0.0)) * ease
+        u, time = self.passage(inside, u, acceleration, dt)
+        if u > 0.0 and time < dt:
+            for law in ti.static(self.springs):
+                kick += law.onset_impulse(u, acceleration, time / dt, dt)
+        return kick
+
+    @ti.func
+    def depths_before(self, k, l, s, d, n, dt):
+        """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
+        g = self.grains
+        d_1 = d - self.geometry.relative_velocity(k, l) * dt
+        v = g.last_velocity[l] - g.last_velocity[k]
+        if ti.static(self.geometry.domain.sheared):
+            v[0] -= self.geometry.domain.border_speed(g.position[k], g.position[l])
+        d_2 = d_1 - ti.cast(v, self.real) * dt
+        depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
+        depth_2 = g.radius[k] + g.radius[l] - d_2.norm()
+        if ti.static(self.shaped):
+            a, b = self.geometry.parts_of(k, l, s)
+            features = self.geometry.remembered(s)[0]
+            turn_k = turned(g.orientation[k], g.spin[k], -dt)
+            turn_l = turned(g.orientation[l], g.spin[l], -dt)
+            depth_1, m, _ = self.surface.continued(a, b, k, l, features, d_1, turn_k, turn_l, n)
+            turn_k, turn_l = turned(turn_k, g.last_spin[k], -dt), turned(turn_l, g.last_spin[l], -dt)
+            depth_2, m, _ = self.surface.continued(a, b, k, l, features, d_2, turn_k, turn_l, n)
+        return depth_1, depth_2
+
+    @ti.func
+    def passage(self, d, u, acceleration, dt):
+        """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
+        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time."""
+        now = u + 0.5 * acceleration * dt
+        square = now * now - 2.0 * acceleration * d
+        speed, time = 0.0 * d, dt
+        if now > 0.0 and square > 0.0:
+            speed = ti.sqrt(square)
+            time = 2.0 * d / (now + speed)
+        return speed, time
+
+    @ti.func
+    def mobility(self, k, lever):
+        """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
+        result = self.grains.inverse_mass[k]
+        if ti.static(self.rotates):
+            if ti.static(self.tumbles):  # to the axes that inverse_inertia belongs to
+                lever = unrotate(ti.cast(self.grains.orientation[k], self.real), lever)
+            result += (lever * lever * self.grains.inverse_inertia[k]).sum()
+        return result
+
+    @ti.func
+    def elastic_force(self, depth):
+        """Force of the springs alone at this depth [N]."""
+        contact = self.contact_type(0)
+        contact.depth = depth
+        for law in ti.static(self.springs):
+            law.on_contact(contact, 0)
+        return contact.normal_force
+
+    @ti.func
+    def seam_kick(self, k, l, s, d, before, last_n, depth, n, arm_k, dt):
+        """(impulse on l [N s], angular impulses on k and on l [N m s]) in the step in which a contact crosses a seam.
+
+        At a seam the radius of curvature jumps, and with it the rate at which the normal turns: force and torques are
+        continuous but have a kink. What the old features, continued beyond the seam, would give now differs from what
+        the new ones give by the jump of the rates times the time since the crossing, a dt. The trapezoidal rule errs
+        by -c dt^2 zeta(-1, a), c the jump of the rate, as where a contact begins.
+        """
+        a, b = self.geometry.parts_of(k, l, s)
+        fraction, old_depth, old_n, old_x = self.surface.crossing(a, b, k, l, d, before, last_n, dt)
+        kick = 0.0 * n
+        twist_k, twist_l = torque_of(n, kick), torque_of(n, kick)
+        if fraction > LEAST_FRACTION and fraction < 1.0 and old_depth > 0.0:
+            f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_n
+            if (f - old_f).norm() < GREATEST_KINK * f.norm():
+                scale = 0.5 * dt * (fraction - 1.0 + 1.0 / (6.0 * fraction))
+                kick = scale * (f - old_f)
+                twist_k = -scale * (torque_of(arm_k, f) - torque_of(old_x, old_f))
+                twist_l = scale * (torque_of(arm_k - d, f) - torque_of(old_x - d, old_f))
+        return kick, twist_k, twist_l

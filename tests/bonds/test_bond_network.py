@@ -1,0 +1,346 @@
+"""Bonds: their energy and its gradient, beams made of grains, strengths, the budget of a fracture, conservation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import taichi_lsm as lsm
+from taichi_lsm.core.runtime import ti
+from taichi_lsm.effects import Effect
+from taichi_lsm.effects.elastic_brittle_bond import bond_energy, bond_reaction
+from taichi_lsm.effects.global_damping import GlobalDamping
+from tests.helpers import scenes
+
+pytestmark = pytest.mark.usefixtures("runtime")
+
+YOUNG, POISSON, COHESION, ANGLE = 1.0e7, 0.25, 1.0e5, 0.6
+RADIUS, LENGTH = 0.5, 1.0
+AREA, SECOND = np.pi * RADIUS**2, np.pi * RADIUS**4 / 4
+SHEAR = YOUNG / (2 * (1 + POISSON))
+TENSILE = COHESION / np.tan(ANGLE)
+LINKS = 10  # of the cantilever
+FAR = np.array([0.0, 30.0, 0.0])
+
+
+def bond(**more):
+    return lsm.ElasticBrittleBond(
+        **dict(youngs_modulus=YOUNG, poissons_ratio=POISSON, cohesion=COHESION, friction_angle=ANGLE) | more
+    )
+
+
+# The law by itself
+
+
+@ti.kernel
+def respond(dim: ti.template(), given: ti.types.ndarray(), out: ti.types.ndarray()):
+    """Energy, force on l, couples on k and l of bonds of stiffness 7, 3, 2, 1.5; a row of `given` holds u, the turn and
+    both axes, in four columns each."""
+    stiffness = ti.Vector([7.0, 3.0, 2.0, 1.5], ti.f64)
+    for i in range(given.shape[0]):
+        u = ti.Vector([given[i, 0 + c] for c in range(dim)])
+        turn = ti.Vector([given[i, 4 + c] for c in range(2 if dim == 2 else 4)])
+        e_k = ti.Vector([given[i, 8 + c] for c in range(dim)])
+        e_l = ti.Vector([given[i, 12 + c] for c in range(dim)])
+        out[i, 0] = bond_energy(u, turn, e_k, e_l, stiffness)
+        force, couple_k, couple_l = bond_reaction(u, turn, e_k, e_l, stiffness)
+        for c in ti.static(range(dim)):
+            out[i, 1 + c] = force[c]
+        for c in ti.static(range(1 if dim == 2 else 3)):
+            out[i, 4 + c], out[i, 7 + c] = couple_k[c], couple_l[c]
+
+
+def placed(dim, branch, turn_k, turn_l):
+    """Row of `given` for bodies with anchors (0.4, 0.3) from k and the opposite from l, and their arms."""
+    anchor = np.array([0.4, 0.3, 0.0])
+    arm_k, arm_l = turn_k.apply(anchor), turn_l.apply(-anchor)
+    row = np.zeros(16)
+    row[0:3] = branch + arm_l - arm_k
+    rel = (turn_l * turn_k.inv()).as_quat(scalar_first=True)
+    row[4:8] = rel if dim == 3 else (rel[0] ** 2 - rel[3] ** 2, 2 * rel[0] * rel[3], 0, 0)
+    row[8:11], row[12:15] = arm_k / 0.5, -arm_l / 0.5
+    return row, arm_k, arm_l
+
+
+def response(dim, rows):
+    out = np.zeros((len(rows), 10))
+    respond(dim, np.array(rows), out)
+    return out
+
+
+@pytest.mark.parametrize("dim", (2, 3))
+@pytest.mark.parametrize("size", (1e-3, 0.7))
+def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
+    """To rounding at any strain, and so is the balance of torques; the law is exact, not linearised."""
+    rng = np.random.default_rng(4)
+    free = np.arange(3) if dim == 3 else np.arange(2)
+    about = np.arange(3) if dim == 3 else np.array([2])
+
+    def vector(axes, size):
+        v = np.zeros(3)
+        v[axes] = size * rng.uniform(-1, 1, len(axes))
+        return v
+
+    turn_k = Rotation.from_rotvec(vector(about, 2.0))
+    turn_l = Rotation.from_rotvec(vector(about, size)) * turn_k
+    branch = turn_k.apply([0.8, 0.6, 0.0]) + vector(free, size)
+    row, arm_k, arm_l = placed(dim, branch, turn_k, turn_l)
+    energy, force, couples = np.split(response(dim, [row])[0], [1, 4])
+    couple_k, couple_l = np.split(couples, 2)
+    if dim == 2:
+        couple_k, couple_l = np.array([0, 0, couple_k[0]]), np.array([0, 0, couple_l[0]])
+    torque_k, torque_l = couple_k - np.cross(arm_k, force), couple_l + np.cross(arm_l, force)
+    h = 1e-5
+    for wanted, axes, move in (
+        (force, free, lambda a: (branch + a, turn_k, turn_l)),
+        (torque_k, about, lambda a: (branch, Rotation.from_rotvec(a) * turn_k, turn_l)),
+        (torque_l, about, lambda a: (branch, turn_k, Rotation.from_rotvec(a) * turn_l)),
+    ):
+        rows = [placed(dim, *move(s * h * np.eye(3)[c]))[0] for c in axes for s in (1, -1)]
+        up, down = response(dim, rows)[:, 0].reshape(-1, 2).T
+        assert np.allclose(-(up - down) / (2 * h), wanted[axes], rtol=0, atol=1e-8 * max(1e-2, size))
+    assert np.abs(torque_k + torque_l + np.cross(branch, force)).max() < 1e-14
+    assert energy > 0
+    turned = Rotation.from_rotvec(vector(about, 3.0))
+    same = response(dim, [placed(dim, turned.apply(branch), turned * turn_k, turned * turn_l)[0]])[0]
+    assert same[0] == pytest.approx(energy[0], rel=1e-9)
+    assert np.allclose(same[1:4], turned.apply(force), rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "more, field",
+    [
+        ({"youngs_modulus": -1.0}, "youngs_modulus"),
+        ({"poissons_ratio": 0.6}, "poissons_ratio"),
+        ({"cohesion": 0.0}, "cohesion"),
+    ]
+    + [({"friction_angle": 2.0}, "friction_angle"), ({"radius_ratio": np.inf}, "radius_ratio")],
+)
+def test_wrong_numbers_are_refused(more, field):
+    with pytest.raises(lsm.InputError, match=field):
+        bond(**more)
+
+
+def test_wrong_bonds_are_refused():
+    x = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.0)]
+    for bonds, text in (
+        ([[0, 3]], "0..3"),
+        ([[1, 1]], "itself"),
+        ([[0, 1], [1, 0]], "twice"),
+        ([[0.0, 1.0]], "integers"),
+        ([[1, 2]], "apart"),
+        (None, "both or neither"),
+    ):
+        with pytest.raises(lsm.InputError, match=text):
+            scenes.scene(x, [bond()], bonds=bonds).stable_dt()
+    with pytest.raises(lsm.InputError, match="both or neither"):
+        scenes.scene(x, [lsm.LinearElastic(1.0)], bonds=[[0, 1]])
+
+
+def test_the_stable_step_is_below_that_of_every_mode_of_a_pair():
+    """Two discs: stretching, shear with rolling, bending; nothing is wasted where one of them rules."""
+    pair = scenes.scene([(0.0, 0.0), (1.0, 0.0)], [bond()], bonds=[(1, 0)], thickness=0.8)
+    (m, _), inertia = pair.masses()
+    k_n, k_s, k_b, _ = bond().bond_stiffness(np.array([0.5]), np.array([1.0]), 0.8)[0]
+    modes = np.array([2 * k_n / m, 2 * k_s * (1 / m + 0.25 / inertia[0, 0]), 2 * k_b / inertia[0, 0]])
+    largest = 2.0 / np.sqrt(modes.max())
+    assert 0.6 * largest < pair.stable_dt() <= largest
+    pair.effects = [bond(youngs_modulus=1e-3 * YOUNG)]
+    assert pair.stable_dt() == pytest.approx(2.0 / np.sqrt(1e-3 * 2 * (0.5 * modes[1] + 0.5 * modes[2])))
+
+
+# A cantilever, and a pair that is sheared between two platens
+
+
+@ti.data_oriented
+@dataclass
+class TipForce(Effect):
+    """A force on grains heavier than a limit."""
+
+    force: tuple
+    heavier: float
+    phase = "body"
+
+    def parameters(self):
+        return {"f": self.force, "inverse": 1.0 / self.heavier}
+
+    @ti.func
+    def on_grain(self, inverse_mass, force: ti.template()):
+        for axis in ti.static(range(force.n)):
+            force[axis] += ti.select(inverse_mass < self.inverse_[0], self.f_[axis], 0.0)
+
+
+def beam_scene():
+    """Spheres in a row, the first glued, the last one a little heavier; far away a pair between the platens."""
+    row = np.arange(LINKS + 1)[:, None] * [LENGTH, 0.0, 0.0]
+    x = np.concatenate([row, FAR + [[0, 0, 0], [LENGTH, 0, 0]]])
+    scale = np.ones(len(x))
+    scale[LINKS] = 1.001
+    platen = np.full(len(x), -1)
+    platen[[0, LINKS + 1]], platen[LINKS + 2] = 0, 1
+    still, drive = [lsm.Fixed() for _ in range(3)], [lsm.Fixed(), lsm.ConstantVelocity(0.0), lsm.Fixed()]
+    return scenes.scene(
+        x,
+        [lsm.LinearElastic(1e6), bond(), GlobalDamping(6.0), TipForce((0.0, 0.0, 0.0), 1.001 * 1000 * np.pi / 6)],
+        scale=scale,
+        platen=platen,
+        platens=[lsm.Platen("base", still), lsm.Platen("ram", drive)],
+        area=1.0,
+        bonds=np.array([(i + 1, i) for i in range(LINKS)] + [(LINKS + 1, LINKS + 2)]),
+    )
+
+
+@pytest.fixture(scope="module")
+def beam(runtime):
+    return scenes.simulate(beam_scene())
+
+
+def restart(sim, scene, **columns):
+    """Start again from `scene` with bonds as at its start, though there are platens."""
+    rest = {"position": scene.position, "velocity": scene.velocity, "spin": scene.spin, "orientation": scene.turns()}
+    for name, values in rest.items():
+        getattr(sim.state, name).from_numpy(values)
+    sim.bonds.fill(scene)
+    scenes.reload(sim, **rest | columns)
+
+
+@pytest.mark.parametrize("direction", ((1, 0, 0), (0, 1, 0), (0, 0, -1)))
+def test_a_row_of_bonded_grains_is_a_beam(beam, direction):
+    """Euler-Bernoulli and the shear that the bonds have, with their section; extension."""
+    size, direction = 40.0, np.array(direction)
+    law = scenes.law(beam, "tip_force")
+    law.f_.from_numpy(size * direction.astype(float))
+    restart(beam, beam_scene())
+    beam.run(60_000)
+    assert np.abs(beam.state.velocity.to_numpy()).max() < 1e-8
+    assert beam.measure.sums()["bond_count"] == LINKS + 1
+    moved = (beam.state.position.to_numpy() - beam.scene.position)[LINKS]
+    length = LINKS * LENGTH
+    bending = length**3 / (3 * YOUNG * SECOND) + length / (SHEAR * AREA)
+    flexibility = np.where(direction != 0, bending if direction[0] == 0 else length / (YOUNG * AREA), 0.0)
+    relative = moved @ direction / (size * flexibility @ np.abs(direction)) - 1
+    assert abs(relative) < (0.01 if direction[0] else 0.005)
+    force = beam.platens.force.to_numpy()[0]
+    assert np.allclose(force, size * direction, atol=1e-5 * size)
+
+
+def test_a_sheared_pair_breaks_at_its_strength(beam):
+    speed, b = 0.05, LINKS
+    scenes.law(beam, "tip_force").f_.fill(0.0)
+    beam.platens.set("ram", 1, lsm.ConstantVelocity(speed))
+    restart(beam, beam_scene())
+    strongest = 0.0
+    while beam.bonds.intact[b] and beam.step < 20_000:
+        strongest = max(strongest, np.linalg.norm(beam.bonds.force[b].to_numpy()))
+        beam.run(10)
+    assert strongest == pytest.approx(AREA * COHESION, rel=0.01)
+    beam.run(10)
+    assert not beam.bonds.force[b].to_numpy().any()
+    assert beam.measure.sums()["bond_count"] == LINKS
+    held = 0.5 * (AREA * COHESION) ** 2 / (SHEAR * AREA / LENGTH)
+    assert beam.measure.sums()["dissipated_elastic_brittle_bond"] == pytest.approx(held, rel=0.01)
+    work = beam.platens.snapshot()["work"].sum()
+    assert work == pytest.approx(held, rel=0.02)
+    beam.platens.set("ram", 1, lsm.ConstantVelocity(0.0))
+
+
+# Free pairs that break
+
+
+GAP = 10.0
+OVERLAP = 0.03
+
+
+def pairs_scene():
+    """Four bonded pairs: pulled, bent, twisted, and pulled while their contact would be compressed."""
+    first = GAP * np.arange(4)[:, None] * [0.0, 1.0, 0.0]
+    length = np.array([1.0, 1.0, 1.0, 1.0 - OVERLAP])
+    x = np.stack([first, first + length[:, None] * [1.0, 0, 0]], axis=1).reshape(-1, 3)
+    v, spin = np.zeros((4, 2, 3)), np.zeros((4, 2, 3))
+    v[0, :, 0] = -2.0, 2.0
+    spin[1, :, 2] = 4.0, -4.0
+    spin[2, :, 0] = -4.0, 4.0
+    v[3, :, 0] = -2.0, 2.0
+    return scenes.scene(
+        x,
+        [lsm.LinearElastic(1e6), bond()],
+        velocity=v.reshape(-1, 3),
+        spin=spin.reshape(-1, 3),
+        bonds=np.arange(8).reshape(4, 2),
+        dt=2e-6,
+    )
+
+
+def cluster_scene():
+    """Five bonded spheres that spin and drift, three more far away."""
+    rng = np.random.default_rng(2)
+    x = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (20, 0, 0), (0, 20, 0), (0, 0, 20)], float)
+    v = np.cross([0.5, 1.0, -0.7], x) + [0.1, 0.2, 0.3]
+    spin = np.array([0.5, 1.0, -0.7]) + rng.normal(size=x.shape)
+    loose = np.arange(8) >= 5
+    v[loose], spin[loose] = 0.0, 0.0
+    return scenes.scene(
+        x,
+        [lsm.LinearElastic(1e6), bond(cohesion=1e9)],
+        velocity=v,
+        spin=spin,
+        bonds=[(0, 1), (1, 2), (2, 3), (3, 4)],
+        dt=1e-4,
+    )
+
+
+@pytest.fixture(scope="module")
+def free(runtime):
+    return scenes.simulate(pairs_scene())
+
+
+def test_pairs_break_at_their_strengths_and_the_energy_budget_closes(free):
+    free.load(pairs_scene())
+    begin = sum(scenes.energy(free))
+    loads, balance = np.zeros(4), []
+    while free.bonds.intact.to_numpy().any() and free.step < 40_000:
+        intact = free.bonds.intact.to_numpy() == 1
+        tension = np.linalg.norm(free.bonds.force.to_numpy(), axis=1)
+        moment = np.linalg.norm(free.bonds.torque_second.to_numpy(), axis=1)
+        loads[intact] = np.where([True, False, False, True], tension, moment)[intact]
+        free.run(5)
+        balance.append(sum(scenes.energy(free)) / begin - 1)
+    strength = np.array(
+        [AREA * TENSILE, TENSILE * np.pi * RADIUS**3 / 4, COHESION * np.pi * RADIUS**3 / 2, AREA * TENSILE]
+    )
+    assert np.abs(loads / strength - 1).max() < 0.01
+    assert np.abs(balance).max() < 1e-3
+    free.run(2000)
+    kinetic, lost = scenes.energy(free)
+    assert kinetic + lost == pytest.approx(begin, rel=scenes.tolerance(1e-6))
+    stiffness = np.array([YOUNG * AREA, YOUNG * SECOND, 2 * SHEAR * SECOND, YOUNG * AREA / (1 - OVERLAP)])
+    held = 0.5 * strength**2 / stiffness
+    stretch = strength[3] / stiffness[3]
+    gain = 0.5 * 1e6 * max(0.0, OVERLAP - stretch) ** 2
+    found = free.bonds.contact_gain.to_numpy()
+    assert found[:3].max() < 1e-6 * gain and found[3] == pytest.approx(gain, rel=0.02)
+    assert lost == pytest.approx(held.sum() - gain, rel=0.01)
+    assert len(set(lsm.fragments(free))) == 8
+
+
+def test_a_spinning_cluster_keeps_its_momenta_and_its_energy(free):
+    scene = cluster_scene()
+    free.load(scene)
+    mass, inertia = scene.masses()
+
+    def momenta():
+        """Of the positions and velocities of the half step: the kicks of all bonds balance exactly."""
+        x, v, spin = (getattr(free.state, name).to_numpy() for name in ("position", "velocity", "spin"))
+        return (mass[:, None] * v).sum(0), (np.cross(x, mass[:, None] * v) + inertia * spin).sum(0)
+
+    p, angular = momenta()
+    begin, lost = scenes.energy(free)
+    free.run(20_000)
+    p_end, angular_end = momenta()
+    assert np.abs(p_end - p).max() < scenes.tolerance(1e-10, 1e-8) * np.abs(p).max()
+    assert np.abs(angular_end - angular).max() < scenes.tolerance(1e-10, 1e-8) * np.abs(angular).max()
+    end, lost_end = scenes.energy(free)
+    assert end == pytest.approx(begin, rel=1e-4) and lost_end == 0
+    labels = lsm.fragments(free)
+    assert len(set(labels)) == 4 and len(set(labels[:5])) == 1

@@ -1,0 +1,264 @@
+"""Plane walls: impacts, rolling, rest, energy, and the same bits however the grains are stored."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.contact import neighbour_search
+from taichi_lsm.effects.global_damping import GlobalDamping
+from taichi_lsm.effects.rolling_resistance import RollingResistance
+from taichi_lsm.effects.viscous_damping import damping_ratio_of
+from tests.helpers import scenes
+
+ROOT = Path(__file__).resolve().parents[2]
+K = 1e8
+G = 9.81
+SIDE = 10.0
+COUNT = 24
+FLOOR = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 2.0))
+BOX = [
+    FLOOR,
+    lsm.PlaneWall("left", (0.0, 0.0), (1.0, 0.0)),
+    lsm.PlaneWall("right", (SIDE, 0.0), (-1.0, 0.0)),
+    lsm.PlaneWall("lid", (0.0, SIDE), (0.0, -1.0)),
+]
+HALL = [*BOX[:2], lsm.PlaneWall("right", (90.0, 0.0), (-1.0, 0.0)), lsm.PlaneWall("lid", (0.0, 90.0), (0.0, -1.0))]
+
+
+def laws(gravity):
+    return [
+        lsm.LinearElastic(K),
+        lsm.ViscousDamping(restitution=1.0),
+        lsm.CoulombFriction(0.3, 0.5 * K),
+        RollingResistance(0.0, 1e4),
+        GlobalDamping(0.0),
+        lsm.Gravity(gravity),
+    ]
+
+
+def box_of_discs(**more):
+    """24 discs in a box, far from each other."""
+    rng = np.random.default_rng(5)
+    place = np.stack(np.divmod(np.arange(COUNT), 5), axis=1) * 1.7 + 1.2
+    return scenes.scene(place, laws((0.0, -G)), scale=rng.uniform(0.7, 1.2, COUNT), walls=BOX, **more)
+
+
+def settings(sim, walls=BOX, restitution=1.0, friction=0.3, rolling=0.0, drag=0.0, gravity=(0.0, -G)):
+    """Other values of the laws and walls, for the next `reload`."""
+    sim.scene.walls = walls
+    scenes.law(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
+    scenes.law(sim, "coulomb_friction").mu_[0] = friction
+    scenes.law(sim, "rolling_resistance").mu_[0] = rolling
+    scenes.law(sim, "global_damping").gamma_[0] = drag
+    for axis, g in enumerate(gravity):
+        scenes.law(sim, "gravity").g_[axis] = g
+
+
+def state(sim):
+    """Everything that must not depend on threads or slots: {name: values}."""
+    names = sorted(set(sim.grains.variables) - {"built_position"})
+    return {n: getattr(sim.state, n).to_numpy() for n in names} | sim.walls.snapshot()
+
+
+def same(first, second):
+    return [name for name, value in first.items() if not np.array_equal(value, second[name])]
+
+
+def fly(sim, seconds=1.0, dt=2e-4):
+    """A gas of discs that the lid, coming down and moving along, compresses and drags."""
+    rng = np.random.default_rng(6)
+    settings(sim, restitution=0.8)
+    v = rng.normal(0, 5, (COUNT, 2))
+    start = box_of_discs().position
+    scenes.reload(sim, dt, position=start, velocity=v, spin=rng.normal(0, 5, (COUNT, 1)))
+    sim.walls.set_velocity("lid", (2.0, -4.0))
+    before = sum(scenes.energy(sim))
+    sim.run(int(seconds / sim.dt))
+    return before
+
+
+@pytest.fixture(scope="module")
+def discs(runtime):
+    return scenes.simulate(box_of_discs(dt=1e-4))
+
+
+def one(sim, height, velocity, dt=None, steps=None):
+    """All discs far apart but the first one, whose centre is so high above the floor; None: where it lies at rest.
+    The step is given, or by how many steps an impact lasts. Returns its radius and mass."""
+    r, mass = float(sim.state.radius.to_numpy()[0]), 1.0 / float(sim.state.inverse_mass.to_numpy()[0])
+    x = np.stack([1.5 * np.arange(COUNT), np.full(COUNT, 50.0)], axis=1)
+    v = np.zeros_like(x)
+    x[0], v[0] = (5.0, r - mass * G / K if height is None else height), velocity
+    scenes.reload(sim, dt or np.pi * np.sqrt(mass / K) / steps, position=x, velocity=v, spin=np.zeros((COUNT, 1)))
+    return r, mass
+
+
+@pytest.mark.parametrize("e", [1.0, 0.6])
+def test_free_fall_and_restitution(discs, e):
+    settings(discs, HALL, restitution=e)
+    r, mass = one(discs, 1.0, (0.0, 0.0), 2e-6)
+    h = 1.0 - r
+    speed = np.sqrt(2 * G * h)
+    discs.run(int((speed / G + 1.5 * np.pi * np.sqrt(mass / K)) / discs.dt))
+    x, v = discs.state.position.to_numpy()[0], discs.state.velocity.to_numpy()[0]
+    assert v[1] > 0 and discs.walls.snapshot()["force"][0, 1] == 0.0
+    top = x[1] - r + v[1] ** 2 / (2 * G)
+    # the weight m g acts beside a force of sqrt(k m) v: with dashpots the height changes by that ratio
+    assert top == pytest.approx(e**2 * h, rel=1e-5 if e == 1.0 else 2 * G * np.sqrt(mass / K) / speed)
+    assert x[0] == 5.0 and v[0] == 0.0
+
+
+def test_impacts_on_walls_are_of_high_order(discs):
+    """Impulses where the contact begins and ends: Verlet alone errs by a part 1e-3 with 20 steps per impact."""
+    settings(discs, HALL, friction=0.0, gravity=(0.0, 0.0))
+    error = []
+    for steps in (20.3, 40.3):
+        r, mass = one(discs, 0.65, (1.0, -3.0), steps=steps)
+        discs.run(int((0.65 - r) / 3.0 / discs.dt + 1.5 * steps))
+        v = discs.state.velocity.to_numpy()[0]
+        assert v[1] > 0 and v[0] == 1.0
+        error.append(abs(v[1] / 3.0 - 1))
+    assert error[0] < 2e-5 and error[1] < error[0] / 8
+
+
+def test_work_of_a_moving_wall_is_what_the_grain_gains(discs):
+    """In the middle of the impact, where the force is greatest, and after it: there a speed of 4 m/s is right to 2e-5,
+    as the test above says, which is 4e-5 of the gain."""
+    settings(discs, [lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0), (0.7, 1.0)), *HALL[1:]], gravity=(0.0, 0.0))
+    r, mass = one(discs, 0.65, (0.7, -3.0), steps=20.3)
+    before = sum(scenes.energy(discs))
+    meeting = (0.65 - r) / 4.0 / discs.dt
+    for steps, gain, error in ((10.15, None, 5e-3), (20.3, 0.5 * mass * (5.0**2 - 3.0**2), 4e-5)):
+        discs.run(int(meeting + steps + 5 * (gain is not None)) - discs.step)
+        work = discs.walls.snapshot()["work"][0]
+        assert work == pytest.approx(sum(scenes.energy(discs)) - before, rel=error)
+        assert gain is None or work == pytest.approx(gain, rel=error)
+
+
+def test_a_sliding_disc_ends_rolling_at_two_thirds_of_its_speed(discs):
+    settings(discs, HALL)
+    r, mass = one(discs, None, (3.0, 0.0), 2e-5)
+    sliding = 3.0 / (3 * 0.3 * G)  # v0/(3 mu g)
+    discs.run(int(0.9 * sliding / discs.dt))
+    assert discs.state.velocity.to_numpy()[0, 0] > 2.05
+    assert discs.measure.sums()["sliding_count"] == 1
+    discs.run(int(0.6 * sliding / discs.dt))
+    v, spin = discs.state.velocity.to_numpy()[0], discs.state.spin.to_numpy()[0, 0]
+    assert v[0] == pytest.approx(2.0, rel=5e-3) and -spin * r == pytest.approx(2.0, rel=5e-3)
+
+
+@pytest.mark.parametrize("slope, rolls", [(0.9, False), (1.1, True)])
+def test_rolling_resistance_holds_up_to_its_slope(discs, slope, rolls):
+    """M <= mu_r R F_n, R that of the disc: the wall has no curvature. A tilted gravity stands for a tilted floor."""
+    angle = np.arctan(0.1 * slope)
+    gravity = (G * np.sin(angle), -G * np.cos(angle))
+    settings(discs, HALL, restitution=0.5, friction=0.5, rolling=0.1, drag=5.0, gravity=gravity)
+    one(discs, None, (0.0, 0.0), 5e-5)
+    discs.run(80_000)
+    speed = discs.state.velocity.to_numpy()[0, 0]
+    if rolls:  # (slope - 1) mu_r g cos against the drag gamma v, both with the inertia of rolling, 3/2 m
+        assert speed == pytest.approx((slope - 1) * 0.1 * G * np.cos(angle) / (1.5 * 5.0), rel=0.02)
+    else:
+        assert abs(speed) < 1e-4
+
+
+def test_a_heap_weighs_on_the_walls(discs):
+    settings(discs, restitution=0.3, drag=8.0)
+    heap = box_of_discs()
+    scenes.reload(discs, 2e-4, position=heap.position, velocity=heap.velocity, spin=heap.spin)
+    discs.run(40_000)
+    scenes.law(discs, "global_damping").gamma_[0] = 400.0
+    discs.run(60_000)
+    weight = G / discs.state.inverse_mass.to_numpy()
+    force = discs.walls.snapshot()["force"]
+    assert force.sum(axis=0)[1] == pytest.approx(-weight.sum(), rel=1e-9)
+    assert abs(force.sum(axis=0)[0]) < 1e-9 * weight.sum()
+    assert force[0, 1] < -0.5 * weight.sum() and np.all(force[3] == 0.0)
+    sums = discs.measure.sums()
+    assert sums["contact_count"] >= COUNT
+    # the trace of the stress is the virial of the outer forces
+    x, r = discs.state.position.to_numpy(), discs.state.radius.to_numpy()
+    rows = discs.walls.row_force.to_numpy()[: 4 * COUNT].reshape(COUNT, 4, 2)
+    virial = np.sum(weight * x[:, 1])
+    for w, n in enumerate(([0, -1], [-1, 0], [1, 0], [0, 1])):
+        depth = rows[:, w] @ n / K
+        virial += np.sum(rows[:, w] * (x + np.outer(r - 0.5 * depth, n)))
+    assert np.trace(sums["stress"]) == pytest.approx(virial, rel=1e-6)
+
+
+def test_energy_closes_between_moving_walls(discs):
+    before = fly(discs, dt=5e-5)
+    after = sum(scenes.energy(discs))
+    work = discs.walls.snapshot()["work"]
+    assert work[3] > 0.05 * before and np.all(work[:3] == 0.0)
+    assert after - before == pytest.approx(work.sum(), abs=4e-4 * work[3])
+
+
+def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, monkeypatch):
+    fly(discs, 0.6)
+    half = state(discs)
+    lsm.save_checkpoint(discs, tmp_path / "half.nc")
+    discs.run(2000)
+    reference = state(discs)
+    assert discs.rebuilds > 10 and len(same(half, reference)) > 5
+    lsm.restore_checkpoint(discs, tmp_path / "half.nc")
+    assert not same(state(discs), half)
+    discs.run(2000)
+    assert not same(state(discs), reference)
+    monkeypatch.setattr(neighbour_search, "SORT_LEAST", 1)
+    monkeypatch.setattr(neighbour_search, "SORT_INTERVAL", 1)
+    fly(discs, 0.6)
+    discs.run(2000)
+    assert not np.array_equal(discs.grains.slots, np.arange(COUNT))
+    assert not same(state(discs), reference)
+
+
+def test_bits_do_not_depend_on_threads(tmp_path):
+    digests = []
+    for threads in (1, 2):
+        file = tmp_path / f"{threads}.json"
+        command = [sys.executable, "-m", "tests.boundaries.test_plane_walls", str(file), str(threads)]
+        subprocess.run(command, cwd=ROOT, check=True, env=os.environ)
+        digests.append(json.loads(file.read_text(encoding="utf-8")))
+    assert digests[0] == digests[1]
+    assert digests[0]["work"][3] > 0.0
+
+
+def test_walls_that_make_no_sense_are_refused():
+    def walls(*given, **more):
+        effects = more.pop("effects", laws((0.0, -G)))
+        return scenes.scene([(1.0, 1.0), (3.0, 0.2)], effects, walls=list(given), **more)
+
+    with pytest.raises(lsm.InputError, match="wall 'floor': the centre of grain 1 starts beyond it"):
+        walls(lsm.PlaneWall("floor", (0.0, 0.5), (0.0, 1.0)))
+    with pytest.raises(lsm.InputError, match="all different"):
+        walls(FLOOR, FLOOR)
+    with pytest.raises(lsm.InputError, match="wall 'a': normal = .*, must not be zero"):
+        walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 0.0)))
+    with pytest.raises(lsm.InputError, match="wall 'a': velocity = .*, must be 2 finite numbers"):
+        walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), 3.0))
+    with pytest.raises(lsm.InputError, match="zero along periodic axes"):
+        walls(BOX[1], lengths=(9.0, np.inf), periodic=(True, False))
+    with pytest.raises(lsm.InputError, match="no single deepest point"):
+        clump = lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
+        walls(FLOOR, shapes=[clump], effects=[lsm.LinearElastic(K)])
+    walls(FLOOR, lengths=(9.0, np.inf), periodic=(True, False))
+
+
+def test_a_grain_that_goes_through_a_wall_stops_the_run(discs):
+    settings(discs, HALL)
+    one(discs, 0.7, (0.0, -500.0), 1e-4)
+    with pytest.raises(lsm.SimulationError, match="grain 0: its centre went beyond wall 'floor'"):
+        discs.run(100)
+
+
+if __name__ == "__main__":
+    gas = scenes.simulate(box_of_discs(parallel=True), threads=int(sys.argv[2]))
+    fly(gas, 0.5)
+    Path(sys.argv[1]).write_text(json.dumps({n: v.tolist() for n, v in state(gas).items()}), encoding="utf-8")

@@ -1,0 +1,64 @@
+"""Rows of the schema refuse what could not be stored or read."""
+
+import dataclasses
+
+import pytest
+
+from taichi_lsm.contact import (
+    arc_chains as chains,
+)
+from taichi_lsm.contact import (
+    ball_polyhedra as polyhedra,
+)
+from taichi_lsm.contact import (
+    cone_patches as cones,
+)
+from taichi_lsm.contact import (
+    part_table as parts,
+)
+from taichi_lsm.contact.pair_storage import pair_variables
+from taichi_lsm.core.schema import DTYPES, Variable
+from taichi_lsm.measure.sheared_layer import layer_rows
+from taichi_lsm.stepping.grain_state import grain_variables
+
+
+def test_variable_is_plain_and_frozen():
+    row = Variable("position", ("grain", "space"), "f64", "m", "centre of mass", True)
+    assert (row.name, row.dims, row.dtype, row.units, row.restart) == ("position", ("grain", "space"), "f64", "m", True)
+    assert not Variable("a", (), "i32", "1", "number").restart
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        row.units = "mm"
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"name": "two words"}, "two words"),
+        ({"dtype": "f16"}, "f16.*real, f64, i32"),
+        ({"units": ""}, "units"),
+        ({"long_name": ""}, "long_name"),
+    ],
+)
+def test_refusals_name_the_row(changes, message):
+    good = {"name": "speed", "dims": (), "dtype": "f64", "units": "m s-1", "long_name": "speed of the grain"}
+    Variable(**good)
+    with pytest.raises(ValueError, match=message):
+        Variable(**good | changes)
+
+
+def test_names_are_unique_and_dtypes_known():
+    surfaces = [chains.PATCH_ROWS, polyhedra.FEATURE_ROWS, polyhedra.BOUND_ROWS, cones.patch_rows(), parts.BALL_ROWS]
+    grains = grain_variables(True, True, True, 2, onset=True, tumbles=True, several=True)
+    pairs = [pair_variables(True, kind, 3, True, True) for kind in ("chain", "polyhedron", "cones")]
+    tables = [grains, *pairs, *surfaces, layer_rows()]
+    for rows in tables:
+        assert len({row.name for row in rows}) == len(rows)
+        assert {row.dtype for row in rows} <= set(DTYPES)
+
+
+def test_everything_that_a_restart_needs_is_marked():
+    """Positions, velocities, histories: a continued run reads the rows marked restart and no others."""
+    marked = {
+        row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, "chain", 1) if row.restart
+    }
+    assert {"position", "velocity", "spin", "orientation", "dissipated", "history", "status", "partner_id"} <= marked

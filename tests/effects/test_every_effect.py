@@ -1,0 +1,378 @@
+"""The contract of a force law, held against every law that `find_effects` discovers, plugins included."""
+
+import dataclasses
+import functools
+import inspect
+
+import numpy as np
+import pytest
+
+from taichi_lsm.core.runtime import ti
+from taichi_lsm.effects import HistoryValue, contact_type, effect_name, find_effects
+from taichi_lsm.effects.base import ON_CONTACTS, PHASES
+from tests.helpers.scenes import PRECISION, tolerance
+
+pytestmark = pytest.mark.usefixtures("runtime")
+
+COUNT = 1000
+MOST_HISTORY = 16  # values that a law of these tests may remember
+NUMBERS = ("depth", "gap", "approach", "spin_about_normal", "reduced_radius", "mass", "dt", "normal_force", "stiffness")
+VECTORS = ("normal", "slip", "tangential_force")
+TURNS = ("relative_spin", "couple")  # one component in 2D
+LAWS = {name: cls for name, cls in find_effects().items()}
+CASES = [
+    (cls, i, dim)
+    for cls in LAWS.values()
+    if cls.phase in ON_CONTACTS
+    for i in range(len(cls.cases()))
+    for dim in (2, 3)
+]
+IDS = [f"{effect_name(cls)}-{i}-{dim}D" for cls, i, dim in CASES]
+# Velocities of a thousand contacts, with elastic forces from this spring: [N m-1], [s], [m]
+SPRING, DT, DEPTH = 1.0e3, 1.0e-3, 1.0e-2
+
+
+@functools.cache
+def io_of(dim):
+    """Fields that all benches of a dimension share: a process has room for about a thousand."""
+    io = {name: ti.field(ti.f64, COUNT) for name in (*NUMBERS, "touching", "sliding", "lost", "energy")}
+    io |= {name: ti.Vector.field(dim, ti.f64, COUNT) for name in VECTORS}
+    io |= {name: ti.Vector.field(turn_count(dim), ti.f64, COUNT) for name in TURNS}
+    return io | {"history": ti.Vector.field(MOST_HISTORY, ti.f64, COUNT)}
+
+
+@ti.data_oriented
+class Bench:
+    """Calls the hooks of one law for COUNT contacts in one launch; what it reads and writes is in `io`."""
+
+    def __init__(self, law, dim):
+        self.law, self.dim = law.bound(), dim
+        self.contact_type = contact_type(dim, [law])
+        self.io = io_of(dim)
+        self.reaches = law.reach() > 0.0
+        self.size = law.history_size(dim)
+        self.has_energy = hasattr(type(law), "contact_energy")
+        for name, field in self.io.items():
+            setattr(self, name, field)
+
+    @ti.kernel
+    def launch(self):
+        for c in range(COUNT):
+            contact = self.contact_type(0)
+            contact.depth, contact.approach = self.depth[c], self.approach[c]
+            contact.normal, contact.slip = self.normal[c], self.slip[c]
+            contact.spin_about_normal, contact.mass = self.spin_about_normal[c], self.mass[c]
+            contact.dt, contact.stiffness = self.dt[c], self.stiffness[c]
+            contact.normal_force, contact.tangential_force = self.normal_force[c], self.tangential_force[c]
+            contact.touching = ti.cast(self.touching[c], ti.i32)
+            self.give_optional(contact, c)
+            if ti.static(self.size > 0):
+                memory = ti.Vector([self.history[c][i] for i in range(self.size)])
+                self.lost[c] = self.law.on_contact(contact, memory)
+                for i in ti.static(range(self.size)):
+                    self.history[c][i] = memory[i]
+                if ti.static(self.has_energy):
+                    self.energy[c] = self.law.contact_energy(contact, memory)
+            else:
+                memory = 0
+                self.lost[c] = self.law.on_contact(contact, memory)
+                if ti.static(self.has_energy):
+                    self.energy[c] = self.law.contact_energy(contact, memory)
+            self.normal_force[c] = contact.normal_force
+            self.tangential_force[c] = contact.tangential_force
+            self.sliding[c] = contact.sliding
+            if ti.static(self.law.couples):
+                self.couple[c] = contact.couple
+
+    @ti.func
+    def give_optional(self, contact: ti.template(), c):
+        """What only some laws want."""
+        if ti.static("reduced_radius" in self.law.needs):
+            contact.reduced_radius = self.reduced_radius[c]
+        if ti.static("relative_spin" in self.law.needs):
+            contact.relative_spin = self.relative_spin[c]
+        if ti.static(self.law.couples):
+            contact.couple = self.couple[c]
+        if ti.static(self.reaches):
+            contact.gap = self.gap[c]
+
+    @ti.kernel
+    def measure(self):
+        for c in range(COUNT):
+            contact = self.contact_type(0)
+            contact.depth, contact.normal = self.depth[c], self.normal[c]
+            self.give_optional(contact, c)
+            memory = ti.Vector([self.history[c][i] for i in range(max(1, self.size))])
+            self.energy[c] = self.law.contact_energy(contact, memory)
+
+    def stored(self, history, **inputs):
+        """Energy that contacts hold with this history [J]."""
+        self.load(history, inputs)
+        self.measure()
+        return self.energy.to_numpy()
+
+    def load(self, history, inputs):
+        for name in NUMBERS + VECTORS + TURNS + ("touching",):
+            value = np.asarray(inputs.get(name, 0.0), float)
+            shape = (COUNT, self.dim) if name in VECTORS else (COUNT,)
+            shape = (COUNT, turn_count(self.dim)) if name in TURNS else shape
+            self.io[name].from_numpy(np.broadcast_to(value, shape).copy())
+        held = np.zeros((COUNT, MOST_HISTORY))
+        if history is not None:
+            held[:, : history.shape[1]] = history
+        self.io["history"].from_numpy(held)
+
+    def __call__(self, history=None, **inputs):
+        """Outputs of one step as {name: array}; normal forces are what the law added."""
+        self.load(history, inputs)
+        self.launch()
+        names = ("normal_force", "tangential_force", "couple", "lost", "energy", "history", "sliding")
+        out = {name: self.io[name].to_numpy() for name in names}
+        out["history"] = out["history"][:, : max(1, self.size)]
+        out["normal_force"] -= inputs.get("normal_force", 0.0)
+        return out
+
+
+def turn_count(dim):
+    """Components of a spin or a couple."""
+    return 1 if dim == 2 else 3
+
+
+_benches = {}
+
+
+def bench_of(cls, i, dim):
+    """Compiled bench of one case."""
+    if (cls, i, dim) not in _benches:
+        _benches[cls, i, dim] = Bench(cls.cases()[i], dim)
+    return _benches[cls, i, dim]
+
+
+def random_contacts(rng, dim, touching=1):
+    """Inputs of COUNT contacts in random directions, with the force of an elastic law already there."""
+    normal = rng.standard_normal((COUNT, dim))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    slip = rng.standard_normal((COUNT, dim)) * 0.05
+    slip -= np.sum(slip * normal, axis=1)[:, None] * normal
+    depth = DEPTH * rng.random(COUNT) * touching
+    return {
+        "normal": normal,
+        "slip": slip,
+        "depth": depth,
+        "approach": rng.standard_normal(COUNT),
+        "gap": 0.0 if touching else 100.0 * DEPTH,
+        "spin_about_normal": rng.standard_normal(COUNT) if dim == 3 else 0.0,
+        "relative_spin": rng.standard_normal((COUNT, turn_count(dim))),
+        "reduced_radius": rng.uniform(0.1, 1.0, COUNT),
+        "mass": 10 ** rng.uniform(-1, 1, COUNT),
+        "dt": DT,
+        "normal_force": SPRING * depth,
+        "stiffness": SPRING,
+        "touching": touching,
+    }
+
+
+def rotations(rng, dim):
+    """COUNT random proper rotations (COUNT, dim, dim)."""
+    q, r = np.linalg.qr(rng.standard_normal((COUNT, dim, dim)))
+    q *= np.sign(np.einsum("cii->ci", r))[:, None, :]
+    q[:, :, 0] *= np.sign(np.linalg.det(q))[:, None]
+    return q
+
+
+def two_steps(bench, inputs):
+    """Outputs of the second of two steps from an empty history: forces that depend on the past are tested too."""
+    return bench(history=bench(**inputs)["history"], **inputs)
+
+
+def check_normal_force_is_the_slope_of_the_energy(bench, inputs):
+    h = 1e-6 * DEPTH if PRECISION == "f64" else 1e-2 * DEPTH
+    depth = inputs["depth"] + 0.01 * DEPTH
+    force = bench(**inputs | {"depth": depth, "normal_force": 0.0})["normal_force"]
+    high, low = (bench(**inputs | {"depth": depth + s * h, "normal_force": 0.0})["energy"] for s in (1, -1))
+    assert np.all(force > 0) or bench.reaches
+    rounding = tolerance(1e-9, 1e-3) * force.max()
+    assert (high - low) / (2 * h) == pytest.approx(force, rel=tolerance(1e-7, 1e-2), abs=rounding)
+
+
+def check_a_parted_contact_is_cleared(bench, rng, dim):
+    gone = random_contacts(rng, dim, touching=0)
+    held = rng.standard_normal((COUNT, max(1, bench.size))) * DEPTH
+    if dim == 3 and bench.size >= 3:  # first a vector in the contact plane
+        held[:, :3] -= np.sum(held[:, :3] * gone["normal"], axis=1)[:, None] * gone["normal"]
+    out = bench(history=held, **gone)
+    for name in ("normal_force", "tangential_force", "couple"):
+        assert np.all(out[name] == 0.0), name
+    if bench.size:
+        assert np.all(out["history"] == 0.0)
+    assert np.all(np.isfinite(out["lost"]))
+    if bench.has_energy and bench.size:  # without motion, what is booked is what was held
+        still = {"slip": 0.0, "approach": 0.0, "spin_about_normal": 0.0, "relative_spin": 0.0}
+        stored = bench.stored(held, **gone)
+        assert np.all(stored > 0)
+        booked = bench(history=held, **gone | still)["lost"]
+        assert booked == pytest.approx(stored, rel=tolerance(1e-9))
+
+
+def smooth(rng, steps, harmonics=4):
+    """COUNT smooth random signals over `steps` steps, of size 1."""
+    phase = 2 * np.pi * np.arange(steps)[:, None, None] / steps
+    order = np.arange(1, harmonics + 1)
+    amplitude = rng.standard_normal((COUNT, harmonics)) / order
+    return np.sum(amplitude * np.sin(phase * order + rng.uniform(0, 2 * np.pi, (COUNT, harmonics))), axis=2)
+
+
+def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
+    """From the first touch to the parting of smooth random contacts: every step books just the work it takes."""
+    steps = 200
+    base = random_contacts(rng, dim) | {"spin_about_normal": 0.0}
+    depth = DEPTH * (1.0 + 0.15 * smooth(rng, steps)) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None]
+    depth = np.maximum(depth, 0.0)
+    depth[-1] = 0.0
+    # the slip of a step stays below 0.1 of what the friction spring can take, else a step is no small part of a cycle
+    tangent = rng.standard_normal((2, COUNT, dim))
+    tangent -= np.einsum("scd,cd->sc", tangent, base["normal"])[..., None] * base["normal"]
+    slip = np.einsum("tsc,scd->tcd", np.stack([smooth(rng, steps), smooth(rng, steps)], axis=1), tangent)
+    slip *= 16 * DEPTH / (steps * DT) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None, None]
+    history, before = None, np.zeros(COUNT)
+    force_n, force_t, couple = np.zeros(COUNT), np.zeros((COUNT, dim)), np.zeros((COUNT, turn_count(dim)))
+    spin = slip if dim == 3 else np.cross(np.broadcast_to(base["normal"], slip.shape), slip)[..., None]
+    spent, work_size = np.zeros(COUNT), np.zeros(COUNT)
+    for t in range(steps):
+        approach = (depth[t] - (depth[t - 1] if t else 0.0)) / DT
+        inputs = base | {"approach": approach, "slip": slip[t], "depth": depth[t], "touching": depth[t] > 0}
+        inputs["relative_spin"] = spin[t]
+        out = bench(history=history, **inputs | {"normal_force": SPRING * depth[t]})
+        work = 0.5 * (force_n + out["normal_force"]) * approach * DT
+        work -= 0.5 * np.sum((force_t + out["tangential_force"]) * slip[t], axis=1) * DT
+        work -= 0.5 * np.sum((couple + out["couple"]) * spin[t], axis=1) * DT
+        work_size += np.abs(work)
+        spent += out["lost"]
+        stored = out["energy"] if bench.has_energy else np.zeros(COUNT)
+        scale = tolerance(1e-12, 1e-5) * (SPRING * DEPTH**2 + np.abs(work) + np.abs(stored))
+        assert np.all(np.abs(work - out["lost"] - (stored - before)) < scale)
+        before, force_n, force_t, history = stored, out["normal_force"], out["tangential_force"], out["history"]
+        couple = out["couple"]
+    assert np.all(before == 0.0)
+    assert np.all(spent >= -tolerance(1e-12, 1e-4) * work_size)
+    if not dissipates:
+        assert np.all(spent == 0.0)
+    elif work_size.max() > 1e-6 * SPRING * DEPTH**2:  # not a law that its case turns off
+        assert (spent > 0.01 * work_size).mean() > 0.9
+
+
+def check_reaction_is_opposite(bench, inputs):
+    swapped = inputs | {"normal": -inputs["normal"], "slip": -inputs["slip"]}
+    swapped["relative_spin"] = -1.0 * np.asarray(inputs["relative_spin"])
+    swapped["spin_about_normal"] = -1.0 * np.asarray(inputs["spin_about_normal"])
+    first, second = two_steps(bench, inputs), two_steps(bench, swapped)
+    for name in ("normal_force", "lost", "energy"):
+        assert np.array_equal(first[name], second[name]), name
+    for name in ("tangential_force", "couple"):
+        assert np.array_equal(first[name], -second[name]), name
+
+
+def check_force_turns_with_the_frame(bench, inputs, turn):
+    vectors = ("normal", "slip", "relative_spin") if turn.shape[1] == 3 else ("normal", "slip")
+    turned = inputs | {n: np.einsum("cij,cj->ci", turn, inputs[n]) for n in vectors}
+    first, second = two_steps(bench, inputs), two_steps(bench, turned)
+    for name in ("normal_force", "lost", "energy"):
+        scale = np.abs(first[name]).max()
+        assert second[name] == pytest.approx(first[name], rel=tolerance(1e-11), abs=tolerance(1e-13, 1e-5) * scale), (
+            name
+        )
+    for name in ("tangential_force", "couple"):
+        expected = first[name] if first[name].shape[1] == 1 else np.einsum("cij,cj->ci", turn, first[name])
+        rounding = tolerance(1e-12, 1e-5) * np.abs(expected).max()
+        assert second[name] == pytest.approx(expected, rel=tolerance(1e-10), abs=rounding), name
+
+
+def check_nothing_is_finite(bench, inputs):
+    """A contact with no overlap, no motion and no past has no force and no energy, and is a number."""
+    for depth in (0.0, DEPTH):
+        still = inputs | {"depth": depth, "approach": 0.0, "slip": 0.0, "relative_spin": 0.0}
+        still["normal_force"] = SPRING * depth
+        out = bench(**still)
+        assert all(np.all(np.isfinite(values)) for values in out.values())
+        assert all(np.all(out[name] == 0.0) for name in ("tangential_force", "couple", "lost"))
+        nowhere = bench(**still | {"normal": 0.0 * inputs["normal"]})  # of coincident centres, which have none
+        assert all(np.all(np.isfinite(values)) for values in nowhere.values())
+        if depth == 0.0 and not bench.reaches:
+            assert np.all(out["normal_force"] == 0.0) and np.all(out["energy"] == 0.0)
+
+
+def check_contract(cls, i, dim):
+    """All of the above for one case of a law."""
+    bench, law = bench_of(cls, i, dim), cls.cases()[i]
+    rng = np.random.default_rng(i)
+    inputs = random_contacts(rng, dim)
+    if law.phase == "normal" and bench.has_energy and not law.history:
+        check_normal_force_is_the_slope_of_the_energy(bench, inputs)
+    check_a_parted_contact_is_cleared(bench, rng, dim)
+    check_reaction_is_opposite(bench, inputs)
+    check_force_turns_with_the_frame(bench, inputs, rotations(rng, dim))
+    check_nothing_is_finite(bench, inputs)
+    if law.phase in ("damping", "tangential"):
+        check_closed_histories_create_no_energy(bench, rng, dim, law.dissipates)
+
+
+@pytest.mark.parametrize("cls, i, dim", CASES, ids=IDS)
+def test_contract(cls, i, dim):
+    check_contract(cls, i, dim)
+
+
+def check_description(name, cls):
+    """What `lsm list --effects` and the documentation need to know."""
+    assert cls.phase in PHASES
+    assert len(inspect.getdoc(cls)) > 60 and "=" in cls.equation
+    assert len(cls.cases()) >= 1 and all(isinstance(case, cls) for case in cls.cases())
+    assert set(cls.units) == {field.name for field in dataclasses.fields(cls)} and all(cls.units.values())
+    for case in cls.cases():
+        assert case.name == name == effect_name(cls)
+        assert all(np.all(np.isfinite(np.asarray(v, float))) for v in case.parameters().values())
+        for value in case.history:
+            assert isinstance(value, HistoryValue) and value.name.isidentifier()
+            assert value.units and len(value.long_name) > 10
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_law_describes_itself(name):
+    check_description(name, LAWS[name])
+
+
+@ti.data_oriented
+class BodyBench:
+    """Calls `on_grain` and `grain_energy` of one body law at COUNT places."""
+
+    def __init__(self, law, dim):
+        self.law, self.dim = law.bound(), dim
+        self.inverse_mass, self.energy = ti.field(ti.f64, COUNT), ti.field(ti.f64, COUNT)
+        self.position, self.force = (ti.Vector.field(dim, ti.f64, COUNT) for _ in range(2))
+
+    @ti.kernel
+    def launch(self):
+        for c in range(COUNT):
+            force = 0.0 * self.position[c]
+            self.law.on_grain(self.inverse_mass[c], force)
+            self.force[c] = force
+            self.energy[c] = self.law.grain_energy(self.inverse_mass[c], self.position[c])
+
+
+@pytest.mark.parametrize("name", [n for n, cls in LAWS.items() if cls.phase == "body"])
+def test_body_force_is_minus_the_slope_of_its_energy(name):
+    rng = np.random.default_rng(0)
+    for law in LAWS[name].cases():
+        dim = next(len(v) for v in law.parameters().values() if np.size(v) in (2, 3))
+        bench = BodyBench(law, dim)
+        position = rng.standard_normal((COUNT, dim))
+        bench.inverse_mass.from_numpy(10 ** rng.uniform(-2, 2, COUNT))
+
+        def energy(x, bench=bench):
+            bench.position.from_numpy(x)
+            bench.launch()
+            return bench.energy.to_numpy()
+
+        slope = np.stack([energy(position + s) - energy(position - s) for s in 1e-3 * np.eye(dim)], axis=1) / 2e-3
+        force = bench.force.to_numpy()
+        assert np.abs(force).max() > 0
+        assert np.abs(slope + force).max() < tolerance(1e-9) * np.abs(force).max()

@@ -1,0 +1,158 @@
+"""Error against cost: curves and their orders, plans for target errors, the file and the figures."""
+
+import json
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from workflows import accuracy_cost, shear_gouge
+from workflows.accuracy import Trial, gouge, order
+from workflows.accuracy.curves import curves
+from workflows.accuracy.table import lines_of
+from workflows.accuracy.trials_file import read_trials, write_trials
+from workflows.common.run_table import attributes_of
+from workflows.gouge import target_error
+from workflows.plots.tenfold import NEVER, bars_of, plot_summary
+from workflows.plots.work_precision import plot_work_precision
+
+DRIFT, AFTER, DURING = "energy drift of a gas", "energy after a collision", "energy during a collision"
+
+
+def falling(knob, quantity, power, factor=1.0, rate=0.02, replicas=2):
+    """Trials whose error falls as the steps per contact to this power; cost grows with the steps."""
+    return [
+        Trial(knob, f"{n} steps", n, quantity, r, factor * n**-power, 1e-6 * n, rate * n)
+        for n in (12, 24, 48, 96)
+        for r in range(replicas)
+    ]
+
+
+@pytest.fixture
+def trials():
+    found = falling("explicit_euler", DRIFT, 0.1)
+    for scheme, power in (("symplectic_euler", 1.0), ("velocity_verlet", 2.0), ("onset_verlet", 2.0)):
+        found += falling(scheme, DRIFT, power)
+    found += falling("symplectic_euler", DURING, 1.0) + falling("velocity_verlet", AFTER, 2.0)
+    found += falling("onset_verlet", AFTER, 4.0) + falling("forest_ruth", AFTER, 2.0)
+    for knob, power, rate in (("patches", 1.5, 1e-4), ("discs of a clump", 0.75, 1e-2)):
+        found += [Trial(knob, f"{n}", n, "shape error", 0, n**-power, rate * n, rate * n) for n in (12, 30, 60)]
+    return found
+
+
+def test_curves_know_their_orders_and_what_ten_times_less_costs(trials):
+    found = curves(trials)
+    assert found["onset_verlet", AFTER].order() == pytest.approx(4.0)
+    assert found["onset_verlet", AFTER].tenfold() == pytest.approx(10**0.25)
+    assert found["symplectic_euler", DRIFT].tenfold() == pytest.approx(10.0)
+    assert found["explicit_euler", DRIFT].tenfold() == pytest.approx(1e10) or np.isinf(
+        found["explicit_euler", DRIFT].tenfold()
+    )
+    assert found["velocity_verlet", DRIFT].cost_at(48.0**-2) == pytest.approx(0.02 * 48)
+    assert order((1.0, 2.0, 4.0), (1.0, 0.25, 0.0625)) == pytest.approx(2.0)
+
+
+def test_the_headline_is_taken_at_equal_error(trials):
+    figures = accuracy_cost.analyse(trials)
+    for name in ("order_explicit_euler", "order_symplectic_euler", "order_verlet", "order_onset_verlet"):
+        assert figures[name].holds, name
+    assert figures["cost_ratio_seed_scheme"].value == pytest.approx(48.0)  # 48^2 steps against 48
+    needed = 30.0**2  # discs for the error of 30 patches
+    assert figures["cost_ratio_clumps"].value == pytest.approx(1e-2 * needed / (1e-4 * 30))
+    worse = [t for t in trials if t.quantity != AFTER or t.knob != "onset_verlet"] + falling("onset_verlet", AFTER, 2.0)
+    assert not accuracy_cost.analyse(worse)["order_onset_verlet"].holds
+
+
+def test_a_skin_that_misses_a_pair_does_not_pass(trials):
+    def skins(difference):
+        return [
+            Trial("skin", f"{s} d", s, "difference of positions", 0, d, 1.0, 1.0)
+            for s, d in ((0.03, difference), (0.07, 0.0))
+        ]
+
+    assert accuracy_cost.analyse(trials + skins(0.0))["skin_difference"].holds
+    assert not accuracy_cost.analyse(trials + skins(1e-12))["skin_difference"].holds
+    assert "  0.03 d                 error 1e-12 +- nan, time 1" in lines_of(skins(1e-12))
+
+
+def test_file_and_figures_hold_every_trial(trials, tmp_path):
+    params = accuracy_cost.Params()
+    table = write_trials(tmp_path / "accuracy.nc", trials, attributes_of(params, np.nan, "Accuracy", "Trials."))
+    assert dict(table.sizes) == {"quantity": 4, "knob": 7, "setting": 4, "replica": 2}
+    knob = table.knob_name.values.tolist().index("velocity_verlet")
+    quantity = table.quantity_name.values.tolist().index(DRIFT)
+    errors = table.error.values[quantity, knob]
+    assert np.allclose(errors[:, 0], np.array([12.0, 24.0, 48.0, 96.0]) ** -2) and table.error.units == "1"
+    assert np.isfinite(table.error.values).sum() == len(trials)
+    assert table.run_status == "complete" and table.cost.units == "s"
+    assert set(read_trials(tmp_path / "accuracy.nc")) == set(trials)
+    for draw, name in ((plot_work_precision, "work.png"), (plot_summary, "tenfold.png")):
+        draw(tmp_path / name, curves(trials))
+        assert (tmp_path / name).stat().st_size > 10_000
+
+
+def test_the_summary_ranks_knobs_by_the_time_for_a_tenth_of_the_error_of_the_default(trials):
+    bars = bars_of(curves(trials))
+    gas = [bar for bar in bars if bar.quantity == DRIFT]
+    assert [bar.name for bar in gas][-1] == "step of explicit Euler, as printed" and gas[-1].note == NEVER
+    assert gas[0].end == pytest.approx(10**0.5)  # of order 2
+    slower = next(bar for bar in gas if "symplectic" in bar.name)
+    assert (slower.begin, slower.end) == pytest.approx((48.0, 480.0)) and not slower.default  # 48^2 steps against 48
+    patches, clumps = (bar for bar in bars if bar.quantity == "shape error")
+    assert patches.default and patches.begin == pytest.approx(1.0) and clumps.end > 1000.0
+
+
+def noise(rng, strain, between, within, rows=100):
+    """(strain, friction) of a run whose window means have the variance between + within/strain."""
+    at = np.arange(int(strain * rows)) / rows
+    return at, 0.3 + rng.normal(0.0, np.sqrt(between)) + rng.normal(0.0, np.sqrt(within * rows), len(at))
+
+
+def test_variances_of_windows_are_found_again():
+    rng = np.random.default_rng(1)
+    between, within = gouge.variance_law([noise(rng, 40.0, 0.0, 4e-4) for _ in range(40)])
+    assert within == pytest.approx(4e-4, rel=0.1) and between < 1e-5
+    between, within = gouge.variance_law([noise(rng, 40.0, 1e-4, 4e-4) for _ in range(200)])
+    assert between == pytest.approx(1e-4, rel=0.25) and within == pytest.approx(4e-4, rel=0.25)
+
+
+@pytest.fixture
+def table(tmp_path, monkeypatch):
+    row = {"shape": "sphere", "dim": 2, "stiffness_number": 1000.0, "inertial_number": 5e-3, "area": 168.0}
+    row |= {"grains_per_area": 1.0, "between_seeds": 1e-5, "times_strain": 4e-4}
+    row |= {"seconds_per_grain_strain": 1e-3, "start_seconds": 8.0}
+    row |= {"bias_of_step": {"0.8": 0.004, "0.4": 0.001}, "cost_of_step": {"0.8": 0.6, "0.4": 1.0}}
+    path = tmp_path / "friction_errors.json"
+    path.write_text(json.dumps({"rows": [row]}), encoding="utf-8")
+    monkeypatch.setattr(target_error.lsm, "data_path", lambda name: path)
+    return row
+
+
+def test_a_plan_promises_what_was_asked_and_no_cheaper_one_does(table):
+    params = shear_gouge.Params(length=14, layer_thickness=12, inertial_number=5e-3)
+    loose, tight = target_error.plan(params, 0.02), target_error.plan(params, 0.004)
+    for plan, target in ((loose, 0.02), (tight, 0.004)):
+        assert plan.expected_error <= target
+        step = f"{plan.step_safety:g}"
+        assert target_error.half_width(table, params, plan.strain - params.steady_from, plan.seeds, step) <= target
+    assert tight.expected_seconds > 4 * loose.expected_seconds and tight.seeds > loose.seeds
+    assert (loose.step_safety, tight.step_safety) == (0.8, 0.4)  # the bias of the longer step is all of the target
+    wide = target_error.plan(shear_gouge.Params(length=56, layer_thickness=12, inertial_number=5e-3), 0.004)
+    assert wide.strain * wide.seeds < tight.strain * tight.seeds  # more grains average more
+
+
+def test_targets_out_of_range_are_refused_with_what_is_possible(table):
+    params = shear_gouge.Params(length=14, layer_thickness=12)
+    with pytest.raises(lsm.InputError, match="--target-error 1e-07: must be >= "):
+        target_error.plan(params, 1e-7)
+    with pytest.raises(lsm.InputError, match="not measured, only of --shape sphere --dim 2"):
+        target_error.plan(shear_gouge.Params(shape="angular"), 0.01)
+
+
+def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
+    params = shear_gouge.Params(length=14, layer_thickness=12, inertial_number=5e-3)
+    two = target_error.reached(table, params, [0.25, 0.26], [0.004, 0.004], "0.4")
+    alone = np.sqrt((0.004**2 + table["between_seeds"]) / 2)
+    assert two == pytest.approx(target_error.CAUTION * 1.96 * alone + 0.001)
+    far = target_error.reached(table, params, [0.20, 0.25, 0.30], [0.004] * 3, "0.4")
+    assert far == pytest.approx(target_error.CAUTION * 1.96 * 0.05 / np.sqrt(3) + 0.001)

@@ -1,0 +1,148 @@
+"""Both shapes under the same conditions: parameters of the runs, files, figures, and runs that fail."""
+
+import json
+import shutil
+import signal
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+import taichi_lsm as lsm
+from workflows import compare_shapes, shear_gouge
+from workflows.cli import signals
+from workflows.common.parameters import SettingsError, merge
+
+SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 0.4, "steady_from": 0.2}
+
+
+def test_the_runs_differ_in_shape_and_seed_only():
+    params = compare_shapes.Params(seed=4, replicas=2, friction=0.3, **SMALL)
+    runs = compare_shapes.build(params)
+    assert list(runs) == ["sphere-4", "sphere-5", "angular-4", "angular-5"]
+    for label, of_run in runs.items():
+        assert f"{of_run.shape}-{of_run.seed}" == label
+        for name in set(shear_gouge.Params.model_fields) - {"shape", "seed"}:
+            assert getattr(of_run, name) == getattr(params, name)
+
+
+def test_there_is_no_option_shape():
+    with pytest.raises(SettingsError, match="shape"):
+        merge(compare_shapes.Params, options={"shape": "angular"})
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"replicas": 0}, "replicas"),
+        ({"seed": 2**31 - 2}, "last seed"),
+        ({"smallest_diameter": 1.0}, "largest-diameter"),
+    ],
+)
+def test_wrong_values_are_refused(values, words):
+    with pytest.raises(ValidationError, match=words):
+        compare_shapes.Params(**values)
+
+
+def test_what_the_angular_run_refuses_is_refused_before_any_run():
+    with pytest.raises(ValidationError, match="stiffness-number"):
+        compare_shapes.Params(corner_radius=0.01, stiffness_number=200.0)
+
+
+@pytest.fixture(scope="module")
+def compared(runtime, tmp_path_factory):
+    """(folder, table, progress reports) of a small comparison, two seeds for each shape."""
+    out, reports = tmp_path_factory.mktemp("compared"), []
+    params = compare_shapes.Params(replicas=2, **SMALL)
+    return out, compare_shapes.run(params, out, progress=reports.append), reports
+
+
+def test_every_run_is_in_the_table(compared):
+    out, table, reports = compared
+    assert list(table["shape"].values) == ["sphere"] * 2 + ["angular"] * 2
+    assert list(table.seed.values) == [1, 2, 1, 2]
+    assert set(table.status.values) == {"complete"} and table.run_status == "complete"
+    assert set(table.coords) == {"shape", "seed"}
+    for i, path in enumerate(table.path.values):
+        of_run = json.loads((out / path / "summary.json").read_text())["figures"]
+        for name in ("friction_mean", "friction_se", "friction_ess", "energy_residual", "porosity"):
+            assert float(table[name][i]) == pytest.approx(of_run[name]["value"], rel=1e-12)
+    assert len({r["label"] for r in reports}) == 4
+    assert np.all(table.friction_mean > 0.05) and np.all(table.energy_residual < 0.01)
+
+
+def test_files_are_there_and_every_variable_is_described(compared):
+    out, _, _ = compared
+    written = {p.name for p in out.iterdir()}
+    assert written == {"compare.nc", "config.toml", "summary.json", "friction.png", "runs"}
+    assert (out / "friction.png").stat().st_size > 50_000
+    files = [out / "compare.nc", *out.glob("runs/*/*.nc")]
+    assert len(files) == 9
+    for path in files:
+        dataset = lsm.open_run(path)
+        assert dataset.run_status == "complete" and dataset.config_toml
+        for name, variable in dataset.variables.items():
+            assert variable.attrs["long_name"], name
+            assert variable.attrs.get("units") or variable.dtype.kind in "UO", name
+
+
+def test_the_replica_is_the_unit_of_the_errors(compared):
+    out, table, _ = compared
+    figures = json.loads((out / "summary.json").read_text())["figures"]
+    mean, error = {}, {}
+    for shape in ("sphere", "angular"):
+        own = table.friction_mean.values[table["shape"].values == shape]
+        mean[shape], error[shape] = own.mean(), own.std(ddof=1) / np.sqrt(2)
+        assert figures[f"friction_{shape}_mean"]["value"] == pytest.approx(mean[shape])
+        assert figures[f"friction_{shape}_se"]["value"] == pytest.approx(error[shape])
+    assert figures["friction_difference"]["value"] == pytest.approx(mean["angular"] - mean["sphere"])
+    assert figures["friction_difference_se"]["value"] == pytest.approx(np.hypot(*error.values()))
+    assert figures["energy_residual_max"]["value"] == pytest.approx(float(table.energy_residual.max()))
+    assert figures["energy_residual_max"]["holds"] is True
+    assert figures["seconds"]["value"] > 0
+    assert set(compare_shapes.WORST.values()) <= set(shear_gouge.BOUNDS)
+
+
+def test_the_table_for_people_has_a_line_per_run(compared):
+    lines = compare_shapes.table_text(compared[1]).splitlines()
+    assert len(lines) == 5
+    assert lines[1].split()[:3] == ["sphere", "1", "complete"]
+
+
+@pytest.mark.parametrize("survivors", [("sphere-1", "angular-1"), ("sphere-1",), ()])
+def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivors):
+    done, table, _ = compared
+
+    def some_fail(jobs, at_a_time, progress):
+        for label in survivors:
+            shutil.copytree(done / "runs" / label, tmp_path / "runs" / label)
+        raise lsm.SimulationError("run angular-2 failed")
+
+    monkeypatch.setattr(compare_shapes, "run_replicas", some_fail)
+    with pytest.raises(lsm.SimulationError, match="angular-2"):
+        compare_shapes.run(compare_shapes.Params(replicas=2, **SMALL), tmp_path)
+    left = lsm.open_run(tmp_path / "compare.nc")
+    assert left.run_status == "failed"
+    complete = left.status.values == "complete"
+    assert [f"{s}-{n}" for s, n in zip(left["shape"].values[complete], left.seed.values[complete])] == list(survivors)
+    assert np.array_equal(np.isfinite(left.friction_mean.values), complete)
+    assert np.array_equal(left.friction_mean.values[complete], table.friction_mean.values[complete])
+    figures = json.loads((tmp_path / "summary.json").read_text())["figures"]
+    assert (figures["friction_difference"]["value"] is not None) == (len(survivors) == 2)
+    assert (tmp_path / "friction.png").exists()
+
+
+def test_an_interrupted_comparison_keeps_its_complete_runs(compared, tmp_path, monkeypatch):
+    done, table, _ = compared
+
+    def interrupted(jobs, at_a_time, progress):
+        shutil.copytree(done / "runs/sphere-2", tmp_path / "runs/sphere-2")
+        raise signals.Interrupted(signal.SIGTERM)
+
+    monkeypatch.setattr(compare_shapes, "run_replicas", interrupted)
+    with pytest.raises(signals.Interrupted):
+        compare_shapes.run(compare_shapes.Params(replicas=2, **SMALL), tmp_path)
+    left = lsm.open_run(tmp_path / "compare.nc")
+    assert left.run_status == "interrupted"
+    assert list(left.status.values) == ["interrupted", "complete", "interrupted", "interrupted"]
+    assert float(left.friction_mean[1]) == float(table.friction_mean[1])

@@ -1,0 +1,65 @@
+"""What every workflow must offer, whatever it computes; a new file is tested without being named here."""
+
+import inspect
+import pickle
+import re
+import tomllib
+
+import pytest
+
+from workflows.cli.discovery import find_workflows
+from workflows.common.parameters import Params, merge, to_toml
+
+WORKFLOWS = find_workflows()
+PRESETS = ("smoke", "demo", "standard", "reference")
+# A number needs its unit; seeds and counts of threads are counts, and names have none.
+UNIT = re.compile(r"\[(1|[^\[\]]+)\]$")
+
+
+@pytest.fixture(params=sorted(WORKFLOWS))
+def module(request):
+    return WORKFLOWS[request.param]
+
+
+def test_the_experiments_are_there():
+    assert {"shear-gouge", "compare-shapes"} <= set(WORKFLOWS)
+
+
+def test_the_module_and_its_functions_are_documented(module):
+    assert module.__doc__ and module.Params.__doc__ and module.run.__doc__
+
+
+def test_run_takes_parameters_a_folder_and_a_progress(module):
+    signature = inspect.signature(module.run)
+    assert list(signature.parameters) == ["params", "out", "progress"]
+    assert signature.parameters["progress"].default is None
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_preset_gives_valid_parameters(module, preset):
+    assert set(module.Params.presets) == set(PRESETS)
+    params = merge(module.Params, preset)
+    assert params.preset_name == preset
+    assert merge(module.Params, preset, options=tomllib.loads(to_toml(params))) == params
+    assert pickle.loads(pickle.dumps(params)) == params
+
+
+def test_parameters_need_nothing_from_the_user(module):
+    assert issubclass(module.Params, Params)
+    assert module.Params() == module.Params.model_validate({})
+
+
+def test_every_number_is_described_with_its_unit(module):
+    for name, field in module.Params.model_fields.items():
+        assert field.description, name
+        if name not in Params.model_fields and re.search(r"\b(int|float)\b", str(field.annotation)):
+            assert UNIT.search(field.description), f"{name}: {field.description!r} ends with no [unit]"
+
+
+def test_importing_a_workflow_loads_no_taichi(module):
+    """Help, checks of parameters and `lsm list` must answer at once."""
+    import subprocess
+    import sys
+
+    code = f"import sys, {module.__name__}; sys.exit(bool({{'taichi', 'matplotlib', 'xarray'}} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

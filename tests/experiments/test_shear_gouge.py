@@ -1,0 +1,218 @@
+"""The experiment on one layer: refused inputs, the state it reaches, and how it fails."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+import taichi_lsm as lsm
+from workflows import shear_gouge
+from workflows.common.parameters import SettingsError, merge
+
+SHAPES = ("sphere", "angular")
+
+
+def test_every_wrong_value_is_reported():
+    wrong = {"normal_stress": "-5e6", "shape": "anglar", "grains": "many", "strain": "0"}
+    with pytest.raises(SettingsError) as caught:
+        merge(shear_gouge.Params, options=wrong)
+    text = "\n".join(caught.value.problems)
+    assert "--normal-stress -5e6: must be a number, greater than 0." in text
+    assert "--shape anglar: must be one of sphere, angular. Did you mean angular?" in text
+    assert "--grains many" in text and "--strain 0" in text
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"smallest_diameter": 2e-4}, "above --largest-diameter"),
+        ({"strain": 1.0, "steady_from": 1.0}, "--steady-from"),
+        ({"strain": 1.05, "steady_from": 1.0}, "needs 12 rows"),
+        ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "--stiffness-number"),
+        ({"shape": "sphere", "breakable": True}, "--breakable needs --shape angular --dim 2"),
+        ({"shape": "angular", "dim": 3, "breakable": True}, "not --shape angular --dim 3"),
+        ({"dim": 3, "platen_diameter": 1.5}, "--platen-diameter 1.5 must be <= 1 in 3D"),
+        ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error knows layers of whole grains"),
+        ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
+    ],
+)
+def test_values_that_contradict_each_other_are_refused(values, words):
+    with pytest.raises(ValidationError, match=words):
+        shear_gouge.Params(**values)
+
+
+def test_contradictions_are_reported_together():
+    values = {
+        "smallest_diameter": 2e-4,
+        "steady_from": 9.0,
+        "shape": "angular",
+        "stiffness_number": 100.0,
+        "corner_radius": 0.02,
+    }
+    with pytest.raises(SettingsError) as caught:
+        merge(shear_gouge.Params, options=values)
+    text = "\n".join(caught.value.problems)
+    assert all(words in text for words in ("--largest-diameter", "--steady-from", "--stiffness-number"))
+
+
+def test_equal_sizes_are_allowed():
+    params = shear_gouge.Params(smallest_diameter=1e-4, largest_diameter=1e-4, layer_thickness=8, length=10)
+    scene = shear_gouge.build(params)
+    assert np.allclose(scene.scale[scene.platen < 0], 1e-4)
+
+
+def test_grains_sets_their_number_and_the_seed_the_packing():
+    one, same, other = (shear_gouge.build(shear_gouge.Params(grains=50, length=10, seed=seed)) for seed in (1, 1, 2))
+    assert np.sum(one.platen < 0) == 50
+    assert np.array_equal(one.position, same.position)
+    assert not np.array_equal(one.position[:50], other.position[:50])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_layer_is_sheared_at_its_normal_stress(sheared, shape):
+    _, params, dataset = sheared(shape)
+    assert dataset.run_status == "complete"
+    assert params.strain <= float(dataset.shear_strain[-1]) < params.strain + 0.1
+    figures = shear_gouge.analyse(dataset, params)
+    assert figures["energy_residual"].value < 0.01
+    assert abs(figures["normal_stress_error"].value) < 0.05
+    assert figures["inertial_number"].value == pytest.approx(params.inertial_number, rel=0.1)
+    assert 0.05 < figures["friction_mean"].value < 1.0
+    assert 0.0 < figures["porosity"].value < 0.4
+    assert 1.0 < figures["coordination_number"].value < 6.0
+    assert set(shear_gouge.BOUNDS) <= set(figures)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_files_tell_how_they_were_made(sheared, shape):
+    folder, params, dataset = sheared(shape)
+    assert merge(shear_gouge.Params, toml_path=folder / "config.toml") == params
+    assert dataset.config_toml == (folder / "config.toml").read_text()
+    grains = lsm.open_run(folder / "grains.nc")
+    assert grains.run_status == "complete"
+    assert float(grains.time[-1]) == float(dataset.time[-1])
+    assert {"run.nc", "grains.nc", "summary.json", "config.toml"} <= {p.name for p in folder.iterdir()}
+
+
+@pytest.mark.parametrize(("rows", "rate"), [(5, 40.0), (1, np.nan)])
+def test_the_speed_of_a_run_leaves_out_the_row_in_which_it_compiles(monkeypatch, rows, rate):
+    """Ten grains; a row is four steps and takes a second, the first one a hundred more."""
+    layer = SimpleNamespace(thickness=1.0, strain=0.0, begin_shear=lambda: None, sample=lambda: None)
+
+    class Sim:
+        dt, step, platens = (
+            1.0,
+            0,
+            SimpleNamespace(drives=[[], [None, SimpleNamespace(inertia=1.0)]], set=lambda *a: None),
+        )
+
+        def __len__(self):
+            return 10
+
+        def run(self, steps):
+            self.step += steps
+            layer.strain = self.step / (4 * rows)
+
+    sim = Sim()
+    monkeypatch.setattr(shear_gouge, "_driven", lambda *given: None)
+    monkeypatch.setattr(shear_gouge, "SAMPLES_PER_ROW", 4)
+    monkeypatch.setattr(shear_gouge.time, "perf_counter", lambda: 100.0 * (sim.step > 0) + sim.step / 4)
+    params = SimpleNamespace(inertial_number=0.1, inertial_time=0.4 * rows, rows_per_strain=rows, strain=1.0)
+    recorder = SimpleNamespace(row=lambda stage: None, snapshot=lambda: None)
+    assert shear_gouge.shear(sim, layer, recorder, params, lambda row: None) == pytest.approx(rate, nan_ok=True)
+
+
+def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_rate(sheared):
+    _, params, dataset = sheared("sphere")
+    steady = dataset.isel(time=dataset.stage.values == 2)
+    assert np.allclose(steady.friction, steady.shear_stress / steady.normal_stress)
+    mean = float(steady.shear_stress.mean() / steady.normal_stress.mean())
+    assert shear_gouge.analyse(dataset, params.model_copy(update={"steady_from": 0.0}))[
+        "friction_mean"
+    ].value == pytest.approx(mean)
+    expected = float(steady.displacement[-1] - steady.displacement[0]) / float(steady.layer_thickness.mean())
+    assert float(steady.shear_strain[-1] - steady.shear_strain[0]) == pytest.approx(expected, rel=0.02)
+
+
+def test_breakable_grains_are_bonded_pieces_of_their_area():
+    params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, layer_thickness=8, length=10)
+    scene = shear_gouge.build(params)
+    mobile = scene.platen < 0
+    assert mobile.sum() == 8 * 30 and scene.bonds.max() < 8 * 30
+    assert (scene.bonds[:, 0] // 8 == scene.bonds[:, 1] // 8).all()
+    assert len(np.unique(scene.bonds // 8)) == 30
+    area = (scene.scale[mobile].reshape(30, 8) ** 2).sum(axis=1)
+    assert (area >= params.smallest_diameter**2).all() and (area <= params.largest_diameter**2).all()
+    apart = np.linalg.norm(np.subtract(*scene.position[scene.bonds.T]), axis=1)
+    assert (apart < 0.75 * scene.scale[scene.bonds].sum(axis=1)).all()  # as tiles lie that share a side
+
+
+@pytest.mark.validate
+def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path):
+    params = shear_gouge.Params(
+        shape="angular",
+        breakable=True,
+        grains=40,
+        layer_thickness=8,
+        length=6,
+        inertial_number=2e-2,
+        strain=0.3,
+        steady_from=0.1,
+        precision=runtime.precision,
+    )
+    dataset = shear_gouge.run(params, tmp_path)
+    bonds, fragments = dataset.bond_count.values, dataset.fragment_count.values
+    assert fragments[0] == 40 < fragments[-1] <= 40 * params.pieces
+    assert (np.diff(bonds) <= 0).all() and (np.diff(fragments) >= 0).all()
+    assert shear_gouge.analyse(dataset, params)["energy_residual"].value < 1e-3
+    assert "elastic_brittle_bond" in dataset.effect_name.values
+    grains = lsm.open_run(tmp_path / "grains.nc")
+    assert grains.sizes["bond"] == bonds[0] == grains.bond_intact.values[0].sum()
+    assert grains.bond_intact.values[-1].sum() == bonds[-1]
+    assert (grains.bond_first < grains.bond_second).all()
+
+
+@pytest.mark.validate
+def test_a_layer_on_a_soft_spring_sticks_and_slips(tmp_path):
+    params = shear_gouge.Params(length=10, layer_thickness=8, inertial_number=5e-3, strain=1.6)
+    thickness, (length,) = params.layer
+    soft = params.normal_stress * length * params.diameter / thickness  # the whole normal load over one thickness
+    dataset = shear_gouge.run(params.model_copy(update={"load_stiffness": soft}), tmp_path)
+    rows = dataset.isel(time=dataset.stage.values == 2)
+    load, plate = rows.load_point_velocity.values, rows.plate_velocity.values
+    assert np.all(load == load[0]) and load[0] > 0
+    assert np.mean(plate < 0.3 * load) > 0.1 and plate.max() > 2 * load[0]
+    assert shear_gouge.analyse(dataset, params)["energy_residual"].value < 0.005
+
+
+def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeypatch):
+    _, params, complete = sheared("sphere")
+
+    def diverge(sim, *others):
+        velocity = sim.state.velocity.to_numpy()
+        velocity[3] = 1e4 * params.diameter / params.inertial_time
+        sim.state.velocity.from_numpy(velocity)
+        sim.run(1000)
+
+    monkeypatch.setattr(shear_gouge, "shear", diverge)
+    with pytest.raises(lsm.SimulationError, match="grain 3 moves by .* use dt <=") as stopped:
+        shear_gouge.run(params, tmp_path)
+    assert stopped.value.grains == (3,) and [path.name for path in stopped.value.saved] == ["stopped.nc"]
+    assert {"stopped.nc", "stopped.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert lsm.open_run(tmp_path / "grains.nc").sizes["time"] == 3  # of three stages, the last the one of the stop
+    for name in ("run.nc", "grains.nc"):
+        assert lsm.open_run(tmp_path / name).run_status == "failed"
+    left = lsm.open_run(tmp_path / "run.nc")
+    before = complete.isel(time=complete.stage.values < 2)
+    assert left.sizes["time"] == before.sizes["time"]  # nothing of what was computed is lost,
+    assert np.array_equal(left.layer_thickness, before.layer_thickness)  # and a seed gives the same bits again
+    assert (tmp_path / "config.toml").exists()
+    assert not (tmp_path / "summary.json").exists()
+
+
+def test_a_broken_rule_between_fields_is_reported_beside_a_wrong_field():
+    with pytest.raises(SettingsError) as raised:
+        merge(shear_gouge.Params, options={"shape": "cubes", "smallest_diameter": "2e-4"})
+    assert len(raised.value.problems) == 2
+    assert "cubes" in raised.value.problems[0] and "no size is left" in raised.value.problems[1]

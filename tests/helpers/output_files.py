@@ -1,0 +1,99 @@
+"""One small file of every kind, for the tests of files."""
+
+import numpy as np
+
+from taichi_lsm.core.schema import Variable
+from taichi_lsm.io.grains_file import GrainsWriter, snapshot_rows, static_rows
+from taichi_lsm.io.run_file import RunWriter, file_attributes, write_table
+
+RUN = [
+    Variable("shear_strain", ("time",), "f64", "1", "integral of shear rate over time"),
+    Variable("friction", ("time",), "f64", "1", "shear stress over normal stress"),
+    Variable("dissipated_energy", ("time", "effect"), "f64", "J", "energy dissipated so far"),
+    Variable("plate_velocity", ("time", "platen"), "real", "m s-1", "velocity of the platen along x"),
+    Variable("contact_count", ("time",), "i32", "1", "number of contacts"),
+    Variable("stage", ("time",), "i32", "1", "stage of the experiment"),
+]
+LABELS = {"effect": ["linear_elastic", "coulomb_friction"], "platen": ["lower", "upper"]}
+STAGE = {"stage": {"flag_values": [0, 1], "flag_meanings": ["settle", "shear"]}}
+
+
+def attributes():
+    return file_attributes("Sheared gouge", "Test of the files", 'title = "Grüße"\n', 7, 1e-8, "cpu", "f64")
+
+
+def run_writer(path, **options):
+    return RunWriter(path, RUN, attributes(), LABELS, auxiliary=("shear_strain",), extra_attributes=STAGE, **options)
+
+
+def run_row(i):
+    """Row number i; every value tells i, so that a mixed-up file shows."""
+    return {
+        "time": 0.5 * i,
+        "shear_strain": 0.01 * i,
+        "friction": i + 0.25,
+        "dissipated_energy": [i, 2 * i],
+        "plate_velocity": np.array([-i, i]),
+        "contact_count": 10 * i,
+        "stage": i % 2,
+    }
+
+
+def grains(dim, count=5):
+    """Constants and one snapshot of grains of two shapes, with one and three patches."""
+    rng = np.random.default_rng(dim)
+    spin = (count,) if dim == 2 else (count, dim)
+    static = {
+        "mass": rng.random(count),
+        "inertia": rng.random(spin),
+        "bounding_radius": rng.random(count),
+        "kind": np.array([0, 0, 1, 0, 1]),
+        "shape_index": [0, 1, 1, 0, 1],
+        "shape_scale": rng.random(count),
+        "patch_count": [1, 3],
+        "patch_centre": rng.random((4, dim)),
+        "patch_radius": rng.random(4),
+        "patch_axis": rng.random((4, dim)),
+        "patch_angle": rng.random(4),
+    }
+    snapshot = {
+        "position": rng.random((count, dim)),
+        "velocity": rng.random((count, dim)),
+        "angular_velocity": rng.random(spin),
+        "orientation": rng.random((count, 4)),
+    }
+    return static, snapshot
+
+
+def grains_writer(path, static, dim):
+    return GrainsWriter(path, static, static_rows(dim), snapshot_rows(dim), attributes())
+
+
+def table(path, **changes):
+    rows = [
+        Variable("seed", ("run",), "i32", "1", "random seed"),
+        Variable("friction_mean", ("run",), "f64", "1", "mean friction"),
+    ]
+    columns = {
+        "seed": [1, 2],
+        "shape": ["sphere", "angular"],
+        "friction_mean": [0.3, 0.45],
+        "status": ["a", "b"],
+    }
+    text = {"shape": "grain shape", "status": "outcome of the run"}
+    write_table(path, {**columns, **changes}, rows, attributes(), ("seed", "shape"), text)
+
+
+def write_every_kind(folder):
+    """One file of every kind, with rows; returns the paths."""
+    writer = run_writer(folder / "run.nc")
+    for i in range(3):
+        writer.append(run_row(i))
+    writer.close("complete")
+    for dim in (2, 3):
+        static, snapshot = grains(dim)
+        writer = grains_writer(folder / f"grains{dim}.nc", static, dim)
+        writer.append(0.0, snapshot)
+        writer.close("complete")
+    table(folder / "compare.nc")
+    return sorted(folder.glob("*.nc"))

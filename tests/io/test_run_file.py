@@ -1,0 +1,277 @@
+"""NetCDF files: round trip through plain xarray, survival of kills, refusal of wrong rows, CF compliance."""
+
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+
+from taichi_lsm.core.atomic_netcdf import write_atomically
+from taichi_lsm.core.schema import Variable
+from taichi_lsm.io.grains_file import GrainsWriter, static_rows
+from taichi_lsm.io.run_file import git_commit, write_table
+from tests.helpers.output_files import (
+    LABELS,
+    attributes,
+    grains,
+    grains_writer,
+    run_row,
+    run_writer,
+    table,
+    write_every_kind,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_run_round_trip(tmp_path):
+    writer = run_writer(tmp_path / "run.nc")
+    count = 1200  # enough for the compressed layout
+    for i in range(count):
+        writer.append(run_row(i))
+    writer.close("complete")
+    with xr.open_dataset(tmp_path / "run.nc") as ds:
+        i = np.arange(count)
+        assert ds.time.dtype == np.float64 and ds.contact_count.dtype == np.int32
+        np.testing.assert_array_equal(ds.time, 0.5 * i)
+        np.testing.assert_array_equal(ds.friction, i + 0.25)
+        np.testing.assert_array_equal(ds.dissipated_energy, np.stack([i, 2 * i], axis=1))
+        np.testing.assert_array_equal(ds.plate_velocity, np.stack([-i, i], axis=1))
+        np.testing.assert_array_equal(ds.friction.shear_strain, 0.01 * i)
+        assert list(ds.dissipated_energy.effect_name.values) == LABELS["effect"]
+        assert "effect_name" not in ds.friction.coords
+        assert ds.stage.flag_meanings == "settle shear" and ds.stage.flag_values.dtype == np.int32
+        assert ds.attrs["run_status"] == "complete" and ds.attrs["config_toml"] == 'title = "Grüße"\n'
+        assert (ds.attrs["seed"], ds.attrs["dt"]) == (7, 1e-8)
+    assert (tmp_path / "run.nc").stat().st_size < count * 9 * 8 / 2
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_grains_round_trip(tmp_path, dim):
+    static, snapshot = grains(dim)
+    writer = grains_writer(tmp_path / "grains.nc", static, dim)
+    for i in range(3):
+        writer.append(0.1 * i, {name: array + i for name, array in snapshot.items()})
+        with xr.open_dataset(tmp_path / "grains.nc") as ds:
+            assert ds.sizes["time"] == i + 1 and ds.attrs["run_status"] == "running"
+    writer.close("interrupted")
+    with xr.open_dataset(tmp_path / "grains.nc") as ds:
+        assert ds.attrs["run_status"] == "interrupted"
+        for name, array in static.items():
+            np.testing.assert_array_equal(ds[name], array)
+        for name, array in snapshot.items():
+            np.testing.assert_array_equal(ds[name], np.stack([array, array + 1, array + 2]))
+        assert "".join(ds.position.space_name.values) == "xyz"[:dim]
+        assert "".join(ds.orientation.quaternion_name.values) == "wxyz"
+        assert ds.patch_count.sample_dimension == "patch"
+        assert ds.kind.flag_meanings == "mobile glued"
+
+
+def test_rows_of_the_state_serve_as_they_are(tmp_path):
+    """A row without time gets it, and "real" follows the precision of the run."""
+    rows = [Variable("force", ("grain", "space"), "real", "N", "force")]
+    static, _ = grains(2)
+    writer = GrainsWriter(tmp_path / "g.nc", static, static_rows(2), rows, attributes(), precision="f32")
+    writer.append(0.0, {"force": np.full((5, 2), 0.1)})
+    with xr.open_dataset(tmp_path / "g.nc") as ds:
+        assert ds.force.dims == ("time", "grain", "space") and ds.force.dtype == np.float32
+        assert ds.mass.dtype == np.float64
+
+
+def test_table_round_trip(tmp_path):
+    table(tmp_path / "compare.nc")
+    with xr.open_dataset(tmp_path / "compare.nc") as ds:
+        assert ds.friction_mean.coords["shape"].values.tolist() == ["sphere", "angular"]
+        assert ds.friction_mean.coords["seed"].values.tolist() == [1, 2]
+        assert set(ds.coords) == {"seed", "shape"} and set(ds.data_vars) == {"friction_mean", "status"}
+        assert ds.friction_mean.values.tolist() == [0.3, 0.45] and ds.status.values.tolist() == ["a", "b"]
+
+
+def test_every_variable_is_described(tmp_path):
+    """Units and long_name everywhere (texts have no unit), no _FillValue, all global attributes."""
+    needed = {
+        "title",
+        "summary",
+        "source",
+        "history",
+        "references",
+        "date_created",
+        "id",
+        "config_toml",
+        "seed",
+        "dt",
+        "git_commit",
+        "run_status",
+        "Conventions",
+    }
+    paths = write_every_kind(tmp_path)
+    assert len(paths) == 4
+    for path in paths:
+        with netCDF4.Dataset(path) as ds:
+            assert needed <= set(ds.ncattrs())
+            for name, variable in ds.variables.items():
+                assert variable.long_name, name
+                assert variable.dtype is str or variable.units, name
+                assert "_FillValue" not in variable.ncattrs(), name
+
+
+def cf_messages(path, report):
+    """What compliance-checker finds against CF-1.11 at its strictest, as a list of texts."""
+    from compliance_checker.runner import CheckSuite, ComplianceChecker
+
+    CheckSuite.load_all_available_checkers()
+    ComplianceChecker.run_checker(
+        str(path), ["cf:1.11"], 0, "strict", output_filename=str(report), output_format="json"
+    )
+    found = json.loads(report.read_text())["cf:1.11"]
+    return [
+        text for level in ("high", "medium", "low") for check in found[f"{level}_priorities"] for text in check["msgs"]
+    ]
+
+
+@pytest.fixture
+def offline(monkeypatch):
+    def refuse(*_):
+        raise OSError("this test must not use the network")
+
+    monkeypatch.setattr(socket.socket, "connect", refuse)
+
+
+def test_files_comply_with_cf(tmp_path, offline):
+    """Only elapsed time without the standard name of a date is remarked on."""
+    for path in write_every_kind(tmp_path):
+        messages = cf_messages(path, tmp_path / "report.json")
+        expected = {"Coordinate variable 'time' should have standard_name='time', found: 'None'"}
+        assert set(messages) == (set() if path.name == "compare.nc" else expected), path.name
+
+
+def test_compliance_messages_are_read(tmp_path, offline):
+    """The test above can fail: a unit that does not exist is reported."""
+    rows = [Variable("friction", ("run",), "f64", "furlongs_per_moon", "friction")]
+    write_table(tmp_path / "bad.nc", {"friction": [0.1]}, rows, attributes())
+    messages = cf_messages(tmp_path / "bad.nc", tmp_path / "report.json")
+    assert any("furlongs_per_moon" in text for text in messages)
+
+
+def test_failed_write_leaves_the_old_file(tmp_path):
+    path = tmp_path / "run.nc"
+    write_atomically(path, lambda dataset: dataset.setncattr("title", "old"))
+
+    def fill(dataset):
+        dataset.title = "new"
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(path, fill)
+    with netCDF4.Dataset(path) as dataset:
+        assert dataset.title == "old"
+    assert os.listdir(tmp_path) == ["run.nc"]
+
+
+def test_file_is_there_from_the_start_and_flushes_in_time(tmp_path, monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr("taichi_lsm.io.run_file.time.monotonic", lambda: clock[0])
+    writer = run_writer(tmp_path / "run.nc", flush_seconds=30)
+
+    def rows_on_file():
+        with xr.open_dataset(tmp_path / "run.nc") as ds:
+            assert ds.attrs["run_status"] == "running"
+            return ds.sizes["time"]
+
+    assert rows_on_file() == 0
+    for i, (now, expected) in enumerate([(110, 0), (129, 0), (131, 3), (160, 3), (161, 5)]):
+        clock[0] = now
+        writer.append(run_row(i))
+        assert rows_on_file() == expected, now
+
+
+WRITE_FOREVER = """
+import sys
+sys.path.insert(0, {root!r})
+from pathlib import Path
+from tests.output_files import run_row, run_writer
+writer = run_writer(Path(sys.argv[1]))
+i = 0
+while True:
+    writer.append(run_row(i))
+    writer.flush()
+    i += 1
+"""
+
+
+def check_rows(path):
+    """Open the file, check that every row is whole, return their number."""
+    with xr.open_dataset(path) as ds:
+        ds.load()
+    i = np.arange(ds.sizes["time"])
+    np.testing.assert_array_equal(ds.time, 0.5 * i)
+    np.testing.assert_array_equal(ds.contact_count, 10 * i)
+    assert ds.attrs["run_status"] == "running"
+    return len(i)
+
+
+def test_kill_at_any_instant_leaves_a_readable_file(tmp_path):
+    """Ten writers are killed in the middle of their work while a reader opens their files again and again."""
+    rng = random.Random(3)
+    code = WRITE_FOREVER.format(root=str(ROOT))
+    for attempt in range(10):
+        path = tmp_path / f"run{attempt}.nc"
+        process = subprocess.Popen([sys.executable, "-c", code, str(path)], stderr=subprocess.PIPE)
+        try:
+            deadline = time.monotonic() + 30
+            while not path.exists() or check_rows(path) < 2:
+                assert process.poll() is None, process.stderr.read().decode()
+                assert time.monotonic() < deadline, "the writer does not start"
+                time.sleep(0.01)
+            for _ in range(rng.randint(1, 12)):
+                check_rows(path)
+            time.sleep(rng.uniform(0, 0.01))
+        finally:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            process.stderr.close()
+        assert check_rows(path) >= 2
+        # What the killed process left does not disturb the next writer.
+        run_writer(path).close("failed")
+        assert not [name for name in os.listdir(tmp_path) if name.endswith(".part")]
+
+
+def test_git_commit_is_that_of_the_package(tmp_path):
+    def git(*arguments):
+        done = subprocess.run(
+            ["git", "-c", "user.name=a", "-c", "user.email=a@b", *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stdout.strip()
+
+    folder = tmp_path / "venv" / "taichi_lsm"
+    folder.mkdir(parents=True)
+    assert git_commit(folder) == "unknown"
+    git("init", "-q")
+    git("commit", "-q", "--allow-empty", "-m", "start")
+    assert git_commit(folder) == "unknown"  # somebody else's repository
+    (tmp_path / "taichi_lsm").mkdir()
+    (tmp_path / "taichi_lsm" / "scene.py").touch()
+    assert git_commit(folder) == git("rev-parse", "HEAD")
+
+
+def test_import_is_light():
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); "
+        "import taichi_lsm.io.grains_file, taichi_lsm.measure.statistics; "
+        "print([m for m in ('taichi', 'xarray', 'netCDF4', 'arviz_stats') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(ROOT)], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,173 @@
+"""A small sheared layer of angular grains: what ShearedLayer reports against forces, counts and areas taken apart."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.measure.sheared_layer import layer_rows
+from tests.helpers import scenes
+
+COLUMNS, ROWS, STRESS, K = 14, 18, 1000.0, 2e5
+
+
+@pytest.fixture(scope="module")
+def consolidated(runtime):
+    """(simulation, ShearedLayer, row): at rest under the normal stress of the servo."""
+    rng = np.random.default_rng(6)
+    pitch = 1.0
+    x, y = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
+    position = pitch * np.stack([x + 0.5, 1.1 * y], axis=-1).reshape(-1, 2)
+    platen = np.where(y == 0, 0, np.where(y == ROWS - 1, 1, -1)).ravel()
+    mobile = platen < 0
+    scale = np.where(mobile, rng.uniform(0.7, 0.8, len(position)), 0.95)
+    area = pitch * COLUMNS
+    mass = 1000.0 * np.pi / 4 * (scale**2).sum()
+    servo = lsm.ServoStress(STRESS, 1, K * COLUMNS / ROWS, 0.1 * mass, 1.0, damping_ratio=0.5)
+    sim = scenes.simulate(
+        scenes.scene(
+            position,
+            [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.3), lsm.CoulombFriction(0.5, 0.5 * K)],
+            shapes=[lsm.disc(), *lsm.random_angular_shapes(8, 6)],
+            shape=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
+            scale=scale,
+            angle=rng.uniform(0, 6, len(position)),
+            velocity=0.5 * rng.standard_normal(position.shape) * mobile[:, None],
+            lengths=(area, np.inf),
+            periodic=(True, False),
+            platen=platen,
+            platens=[
+                lsm.Platen("bottom", [lsm.Fixed(), lsm.Fixed()]),
+                lsm.Platen("top", [lsm.ConstantVelocity(0.0), servo]),
+            ],
+            thickness=1.0,
+        )
+    )
+    layer = lsm.ShearedLayer(sim, STRESS, 0.75)
+    layer.row(0)
+    for _ in range(70):
+        sim.run(500)
+        layer.sample()
+    layer.row(1)
+    sim.run(500)
+    layer.sample()
+    return sim, layer, layer.row(1)
+
+
+def test_stress_in_the_bulk_is_the_stress_on_the_platen(consolidated):
+    sim, _, row = consolidated
+    assert row["translational_energy"] < 1e-3 * row["elastic_energy"]  # static
+    assert row["platen_normal_stress"] == pytest.approx(STRESS, rel=1e-3)
+    assert row["normal_stress"] == pytest.approx(row["platen_normal_stress"], rel=1e-2)
+    assert row["shear_stress"] == pytest.approx(row["platen_shear_stress"], abs=1e-2 * STRESS)
+    assert row["platen_normal_rms"] < 1e-2 * STRESS
+    force = sim.platens.force.to_numpy() / (sim.platens.area * STRESS)
+    assert force[0, 1] == pytest.approx(-1.0, rel=1e-2) and force[1, 1] == pytest.approx(1.0, rel=1e-2)
+
+
+def test_stress_is_the_mean_over_planes_of_the_forces_that_cross_them(consolidated):
+    sim, layer, row = consolidated
+    y = sim.state.position.to_numpy()[:, 1]
+    starts = sim.pairs.row_start.to_numpy()[: len(sim) + 1]
+    first = sim.grains.id.to_numpy()[np.repeat(np.arange(len(sim)), np.diff(starts))]
+    second = sim.pairs.partner_id.to_numpy()[: starts[-1]]
+    force = sim.pairs.pair_force.to_numpy()[: starts[-1]] * (sim.pairs.status.to_numpy()[: starts[-1]] != 0)[:, None]
+    bottom, top = layer.plane[0], layer.plane[1] + sim.platens.displacement.to_numpy()[1, 1]
+    margin = 3 * layer.diameter
+    found = []
+    for plane in np.linspace(bottom + margin, top - margin, 4001):
+        crosses = (y[first] < plane) != (y[second] < plane)
+        upwards = np.where(y[first] < plane, 1.0, -1.0)[crosses, None]
+        found.append((force[crosses] * upwards).sum(axis=0) / sim.platens.area)
+    shear, normal = np.mean(found, axis=0)
+    assert normal == pytest.approx(row["normal_stress"], rel=2e-3)
+    assert -shear == pytest.approx(row["shear_stress"], abs=2e-3 * STRESS)
+
+
+def test_porosity_thickness_and_coordination_are_those_counted_by_hand(consolidated):
+    sim, layer, row = consolidated
+    scene = sim.scene
+    mobile = scene.platen < 0
+    place = sim.state.position.to_numpy()
+    inner = [place[scene.platen == p, 1].mean() + side * 0.475 for p, side in ((0, 1), (1, -1))]
+    assert row["layer_thickness"] == pytest.approx(inner[1] - inner[0], rel=1e-12)
+    solid = np.pi / 4 * (scene.scale[mobile] ** 2).sum()  # shapes have the area of a disc of diameter 1
+    assert row["porosity"] == pytest.approx(1 - solid / ((inner[1] - inner[0]) * COLUMNS), rel=1e-9)
+    assert 0.05 < row["porosity"] < 0.4
+    ends = contacts = 0
+    for a, b in touching_outlines(sim, place):
+        contacts += mobile[a] or mobile[b]
+        ends += int(mobile[a]) + int(mobile[b]) if mobile[a] or mobile[b] else 0
+    assert row["contact_count"] == contacts
+    assert row["coordination_number"] == pytest.approx(ends / mobile.sum(), rel=1e-12)
+    assert 2.0 < row["coordination_number"] < 6.0
+
+
+def touching_outlines(sim, place):
+    """Pairs whose support functions overlap in every direction: s(n) > 0 for all n on a fine grid."""
+    scene = sim.scene
+    turn = sim.state.orientation.to_numpy()
+    angle = np.arctan2(turn[:, 1], turn[:, 0])
+    grid = 2 * np.pi / 4096 * np.arange(4096)
+    n = np.stack([np.cos(grid), np.sin(grid)], axis=1)
+    h = np.array([scene.scale[k] * support(scene.shapes[scene.shape[k]], grid - angle[k]) for k in range(len(place))])
+    opposite = np.roll(h, -2048, axis=1)  # h(-n)
+    for a in range(len(place)):
+        for b in range(a + 1, len(place)):
+            c = place[b] - place[a]
+            c[0] -= COLUMNS * np.round(c[0] / COLUMNS)
+            if c @ c < 1.5 and (h[a] + opposite[b] - n @ c).min() > 0:
+                yield a, b
+
+
+def support(shape, angle):
+    """h(n) of a shape in its body frame."""
+    if shape.patch_count == 1:
+        return np.full(angle.shape, shape.radius[0])
+    first = np.arctan2(shape.seam[:, 1], shape.seam[:, 0]) % (2 * np.pi)
+    order = np.argsort(first)
+    arc = order[np.searchsorted(first[order], angle % (2 * np.pi), side="right") - 1]
+    return np.sum(shape.centre[arc] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), axis=-1) + shape.radius[arc]
+
+
+def test_shear_closes_its_energy_budget(consolidated):
+    sim, layer, before = consolidated
+    velocity = 0.4
+    sim.platens.set("top", 0, lsm.ConstantVelocity(velocity, 4.0))
+    layer.begin_shear()
+    start, began = sim.platens.snapshot(), sim.time
+    for _ in range(6):
+        for _ in range(10):
+            sim.run(200)
+            layer.sample()
+        row = layer.row(2)
+    now = sim.platens.snapshot()
+    way = now["displacement"][1, 0] - start["displacement"][1, 0]
+    assert way == pytest.approx(velocity * (sim.time - began), rel=0.05)  # but for the ramp
+    assert row["shear_strain"] == pytest.approx(way / row["layer_thickness"], rel=0.1)
+    assert row["shear_strain"] > 0.1
+    assert row["plate_velocity"] == velocity
+    assert row["inertial_number"] == pytest.approx(velocity / layer.thickness * 0.75, rel=1e-6)  # sqrt(rho/P) = 1
+    assert 0.1 < row["friction"] < 1.0
+    assert row["friction"] == pytest.approx(row["shear_stress"] / row["normal_stress"], rel=1e-12)
+    assert 0 < row["sliding_fraction"] < 0.6
+    work = np.abs(row["external_work"] - before["external_work"])
+    assert layer.throughput >= 0.9 * work > 0
+    assert layer.residual_fraction() < 2e-3
+    lost = np.array(row["dissipated_energy"]) - np.array(before["dissipated_energy"])
+    assert dict(zip(layer.effects, lost))["coulomb_friction"] > 0.3 * work
+    assert {v.name for v in layer_rows()} == set(row) - {"time"}
+
+
+def test_platens_that_meet_stop_the_run(consolidated):
+    sim, layer, _ = consolidated
+    layer.plane[1] -= 100.0
+    try:
+        with pytest.raises(lsm.SimulationError, match="the platens have met"):
+            layer.sample()
+    finally:
+        layer.plane[1] += 100.0
+
+
+def test_stress_over_everything_is_a_number(gallery):
+    sums = gallery("frictional_discs").measure.sums()
+    assert np.isfinite(sums["stress"]).all() and sums["stress"][1, 1] > 0

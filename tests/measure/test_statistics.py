@@ -1,0 +1,137 @@
+"""Steady means: their standard errors against series whose true error is known."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.signal import lfilter
+
+from taichi_lsm.core.schema import Variable
+from taichi_lsm.io.run_file import RunWriter
+from taichi_lsm.measure.statistics import Estimate, combine_replicas, difference, steady_ratio, steady_state
+
+
+def along_strain(values, name="friction", end=5.0):
+    """A series over shear strains 0 to `end`."""
+    strain = np.linspace(0, end, len(values))
+    coords = {"time": np.arange(len(values)) * 0.1, "shear_strain": ("time", strain)}
+    return xr.DataArray(values, dims="time", coords=coords, name=name)
+
+
+def autoregressive(rng, count, memory, replicas):
+    """Replicas (replicas, count) of x_t = memory x_(t-1) + noise, stationary from the first sample on."""
+    noise = rng.normal(size=(replicas, count + 300))
+    return lfilter([1.0], [1.0, -memory], noise, axis=1)[:, 300:]
+
+
+def coverage(estimates, truth):
+    return np.mean([abs(e.mean - truth) < 1.96 * e.standard_error for e in estimates])
+
+
+@pytest.mark.parametrize(("memory", "count"), [(0.0, 400), (0.5, 400), (0.9, 1500), (-0.5, 400)])
+def test_interval_covers_the_true_mean(memory, count):
+    replicas = autoregressive(np.random.default_rng(11), count, memory, 300)
+    estimates = [steady_state(along_strain(0.4 + x), from_strain=0.0) for x in replicas]
+    assert 0.88 < coverage(estimates, 0.4) < 0.99
+    true_error = 1 / (1 - memory) / math.sqrt(count)
+    assert np.median([e.standard_error for e in estimates]) == pytest.approx(true_error, rel=0.15)
+    independent = count * (1 - memory) / (1 + memory)
+    assert np.median([e.effective_samples for e in estimates]) == pytest.approx(independent, rel=0.2)
+
+
+def test_ratio_interval_covers_the_true_ratio():
+    """A normal stress that fluctuates and carries the shear stress along does not widen the error."""
+    rng = np.random.default_rng(5)
+    normal = 5.0 + 0.5 * autoregressive(rng, 1500, 0.95, 200)
+    noise = 0.02 * autoregressive(rng, 1500, 0.8, 200)
+    estimates = [
+        steady_ratio(along_strain(0.3 * n + e, "shear"), along_strain(n, "normal"), 0.0)
+        for n, e in zip(normal, noise, strict=True)
+    ]
+    assert 0.88 < coverage(estimates, 0.3) < 0.99
+    true_error = 0.02 / (1 - 0.8) / math.sqrt(1500) / 5.0
+    assert np.median([e.standard_error for e in estimates]) == pytest.approx(true_error, rel=0.15)
+
+
+def test_ratio_of_means_is_not_the_mean_of_ratios():
+    top, bottom = np.tile([1.0, 9.0], 50), np.tile([1.0, 3.0], 50)
+    ratio = steady_ratio(along_strain(top), along_strain(bottom), 0.0)
+    assert ratio.mean == pytest.approx(2.5)
+
+
+def test_transient_is_left_out():
+    """Strain 1.0 itself is the first one that counts; a time axis would cut elsewhere."""
+    strain = np.arange(200) / 40
+    values = np.where(strain < 1.0, 100.0, 0.5)
+    series = xr.DataArray(values, dims="time", coords={"shear_strain": ("time", strain)})
+    assert steady_state(series, from_strain=1) == Estimate(0.5, 0.0, 160.0)
+    assert steady_state(series, from_strain=0.9).mean > 0.5
+
+
+def test_series_of_a_run_file_is_accepted(tmp_path):
+    rows = [
+        Variable("shear_strain", ("time",), "f64", "1", "strain"),
+        Variable("friction", ("time",), "f64", "1", "friction"),
+    ]
+    writer = RunWriter(tmp_path / "run.nc", rows, {"title": "a"}, auxiliary=("shear_strain",))
+    noise = np.random.default_rng(2).normal(size=200)
+    for i in range(200):
+        writer.append({"time": i, "shear_strain": i / 50, "friction": 0.3 + 0.01 * noise[i]})
+    writer.close("complete")
+    with xr.open_dataset(tmp_path / "run.nc") as ds:
+        estimate = steady_state(ds.friction, from_strain=1)
+        assert estimate.mean == pytest.approx(0.3 + 0.01 * noise[50:].mean())
+        assert estimate.standard_error == pytest.approx(0.01 / math.sqrt(150), rel=0.3)
+        assert steady_ratio(ds.friction, ds.friction).mean == 1.0
+
+
+@pytest.mark.parametrize(
+    ("series", "message"),
+    [
+        (along_strain(np.ones(5), end=5), "friction: 4 samples from strain 1 .* reached strain 5"),
+        (along_strain(np.ones(100), end=0.5), "friction: 0 samples"),
+        (along_strain(np.r_[np.ones(50), np.nan, np.ones(49)]), "friction: 1 of 80 samples are not finite"),
+        (along_strain(np.ones(50)).drop_vars("shear_strain"), "friction: has no coordinate shear_strain"),
+        (along_strain(np.ones(50)).expand_dims(effect=2), "friction: dimensions"),
+        (along_strain(np.ones(50), end=np.nan), "friction: shear_strain is not finite"),
+    ],
+)
+def test_useless_series_is_refused(series, message):
+    with pytest.raises(ValueError, match=message):
+        steady_state(series)
+
+
+def test_nan_before_the_steady_state_does_no_harm():
+    """Friction is not defined before the layer carries load."""
+    values = np.full(100, 0.4)
+    values[:5] = np.nan
+    assert steady_state(along_strain(values)).mean == 0.4
+
+
+def test_ratio_refuses_other_times_and_a_vanishing_denominator():
+    one = along_strain(np.ones(100))
+    with pytest.raises(ValueError, match="not on the same times"):
+        steady_ratio(one, one.assign_coords(time=one.time + 1))
+    with pytest.raises(ValueError, match="the mean is 0"):
+        steady_ratio(one, along_strain(np.zeros(100), "normal_stress"))
+
+
+def test_replicas_are_the_unit():
+    """The spread between runs counts, not the error within each."""
+    combined = combine_replicas([0.30, 0.34, 0.32], [1e-6, 1e-6, 1e-6])
+    assert combined.mean == pytest.approx(0.32)
+    assert combined.standard_error == pytest.approx(0.02 / math.sqrt(3))
+    assert combined.effective_samples == 3
+    assert combine_replicas([0.3], [0.01]) == Estimate(0.3, 0.01, 1.0)
+
+
+@pytest.mark.parametrize("arguments", [([], []), ([0.3],), ([0.3, 0.4], [0.1]), ([0.3, np.nan], [0.1, 0.1])])
+def test_incomplete_replicas_are_refused(arguments):
+    with pytest.raises(ValueError, match="means|standard_errors"):
+        combine_replicas(*arguments)
+
+
+def test_difference_adds_the_variances():
+    result = difference(Estimate(0.45, 0.03, 50), Estimate(0.30, 0.04, 60))
+    assert result.mean == pytest.approx(0.15) and result.standard_error == pytest.approx(0.05)

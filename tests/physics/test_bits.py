@@ -1,0 +1,56 @@
+"""Same scene, same bits: whatever the threads, the skin of the list, the pairs of a block, or the day."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+RUNS = {  # threads, shared work or not, skin, pairs of a block
+    "one thread": (1, "alone", 0.1, 32),
+    "two threads": (2, "shared", 0.1, 32),
+    "one thread, other skin and blocks": (1, "shared", 0.2, 4),
+    "two threads, again": (2, "shared", 0.1, 32),
+}
+
+
+def run(folder, steps, threads, path, skin, width):
+    """Summary of a run of tests/helpers/bits_run.py in a process of its own."""
+    file = folder / f"{threads}-{path}-{skin}.json"
+    command = [
+        sys.executable,
+        str(ROOT / "tests" / "helpers" / "bits_run.py"),
+        str(file),
+        str(steps),
+        str(threads),
+        path,
+        str(skin),
+        str(width),
+    ]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def check(folder, steps):
+    results = {name: run(folder, steps, *settings) for name, settings in RUNS.items()}
+    reference = results["one thread"]
+    assert reference["grains"] >= 5000 and reference["finite"]
+    assert reference["rebuilds"] > 10 and reference["sliding"] > 100
+    assert results["one thread, other skin and blocks"]["rebuilds"] < 0.8 * reference["rebuilds"]
+    for name, result in results.items():
+        different = [column for column, value in reference["digest"].items() if result["digest"][column] != value]
+        assert not different, f"{name}: {different}"
+
+
+def test_bits_are_the_same(tmp_path):
+    check(tmp_path, 2000)
+
+
+@pytest.mark.validate
+def test_bits_are_the_same_for_long(tmp_path):
+    check(tmp_path, 5000)

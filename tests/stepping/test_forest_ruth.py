@@ -1,0 +1,45 @@
+"""The fourth-order composition: its order where forces are smooth, the same bits however steps are launched."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from tests.helpers import scenes
+
+MASS, DEPTH = 250.0 * np.pi, 0.05
+PERIOD = 2.0 * np.pi / np.sqrt(2.0 * scenes.STIFFNESS / MASS)
+
+
+def swinging(dt, swing=0.02, **more):
+    """Two discs that cohesion holds together, with half of DEPTH to swing; they never part."""
+    laws = [lsm.LinearElastic(scenes.STIFFNESS), lsm.Cohesion(scenes.STIFFNESS * DEPTH, 0.5)]
+    return scenes.scene([[0, 0], [1 - DEPTH + swing, 0]], laws, dt=dt, integrator=lsm.ForestRuth, **more)
+
+
+@pytest.mark.skipif(scenes.PRECISION == "f32", reason="errors of the scheme are below those of f32")
+def test_a_swing_is_of_fourth_order(runtime):
+    """A quarter of a period after two of them, where the error of the phase is that of the place."""
+    sim, errors, counts = scenes.simulate(swinging(PERIOD / 60)), [], (60, 120, 240)
+    for count in counts:
+        sim.load(swinging(PERIOD / count))
+        sim.run(9 * count // 4)
+        x = sim.state.position.to_numpy()[:, 0]
+        errors.append(abs(x[1] - x[0] - 1 + DEPTH))
+    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(4.0, abs=0.3)
+
+
+def test_the_bits_do_not_depend_on_launches_or_on_the_list(runtime):
+    results = []
+    for skin, pieces in ((0.5, 1), (1e-3, 1), (1e-3, 40)):
+        sim = scenes.simulate(swinging(PERIOD / 60, skin=skin, velocity=np.array([[3.0, 1.0], [3.0, 1.0]])))
+        for _ in range(pieces):
+            sim.run(120 // pieces)
+        results.append((sim.rebuilds, sim.state.position.to_numpy(), lsm.energies(sim).balance))
+    assert results[1][0] > results[0][0] + 10
+    for _, position, energy in results[1:]:
+        assert np.array_equal(position, results[0][1]) and energy == results[0][2]
+
+
+def test_scenes_with_losses_are_refused():
+    with pytest.raises(lsm.InputError, match="ForestRuth is for scenes without losses, not .*coulomb_friction"):
+        scenes.scene([[0, 0], [1, 0]], scenes.frictional(), integrator=lsm.ForestRuth)

@@ -1,0 +1,156 @@
+"""Columns by persistent id, and a scene pays only for what it lists: fields and bytes are counted."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.contact.arc_chains import ChainTable
+from taichi_lsm.contact.pair_storage import pair_variables
+from taichi_lsm.stepping.grain_state import Grains, bytes_per_row, grain_variables, rounded_capacity
+from tests.helpers import scenes
+
+REAL = 8 if scenes.PRECISION == "f64" else 4
+SIZES = {"space": 2, "spin": 1, "turn": 2, "ledger": 2, "history": 2, "two": 2, "gap": 3}
+
+
+@pytest.fixture(scope="module")
+def grains(runtime):
+    return Grains(2, 50, grain_variables(rotates=True, oriented=True, shaped=True, ledger=2), 2)
+
+
+def test_columns_by_id_survive_a_reorder(grains):
+    rng = np.random.default_rng(0)
+    position, shape, platen = rng.random((50, 2)), rng.integers(0, 9, 50), rng.integers(-1, 2, 50)
+    dissipated = rng.random((50, 2))
+    columns = {"position": position, "shape": shape, "platen": platen, "dissipated": dissipated}
+    for name, values in columns.items():
+        grains.set_column(name, values)
+    slots = np.arange(50)
+    for _ in range(3):
+        order = rng.permutation(50)
+        held = slots
+        grains.reorder(order)
+        slots = held[order]
+        assert np.array_equal(grains.id.to_numpy()[:50], slots)
+        assert np.array_equal(grains.previous_slot.to_numpy()[:50], order)
+        assert np.array_equal(grains.slot_of.to_numpy()[slots], np.arange(50))
+        for name, values in columns.items():
+            assert np.array_equal(grains.column(name), values)
+        assert np.array_equal(grains.position.to_numpy()[:50], position[slots])  # the rows did move
+    grains.set_column("position", -position)
+    assert np.array_equal(grains.column("position"), -position)
+    assert len(grains) == 50 and grains.has("spin") and not grains.has("temperature")
+
+
+def names(**options):
+    return {row.name for row in grain_variables(**options)}
+
+
+def test_rows_exist_only_for_what_the_scene_lists():
+    plain = names(rotates=False, oriented=False, shaped=False, ledger=0)
+    rolling = names(rotates=True, oriented=False, shaped=False, ledger=0)
+    angular = names(rotates=True, oriented=True, shaped=True, ledger=0)
+    assert len(plain) == 8
+    assert rolling - plain == {"spin", "inverse_inertia", "torque"}
+    assert angular - rolling == {"orientation", "shape", "scale", "cap_radius", "travel"}
+    assert names(rotates=False, oriented=False, shaped=False, ledger=1) - plain == {"dissipated"}
+
+
+def test_bytes_of_a_grain_and_of_a_pair(runtime):
+    plain = grain_variables(False, False, False, 0)
+    # id, platen; position, velocity, built_position in f64; radius, inverse mass, force in the run's precision
+    assert bytes_per_row(plain, SIZES) == 2 * 4 + 3 * 2 * 8 + 4 * REAL
+    rolling = grain_variables(True, False, False, 0)
+    assert bytes_per_row(rolling, SIZES) - bytes_per_row(plain, SIZES) == 8 + 2 * REAL
+    angular = grain_variables(True, True, True, 0)
+    assert bytes_per_row(angular, SIZES) - bytes_per_row(rolling, SIZES) == 2 * 8 + 4 + 2 * REAL + 8
+    assert bytes_per_row(grain_variables(False, False, False, 2), SIZES) - bytes_per_row(plain, SIZES) == 2 * 8
+    slim = pair_variables(rotates=False, kind="sphere", history=0)
+    assert bytes_per_row(slim, SIZES) == 3 * 4 + 1 + 2 * REAL  # both slots, id; status; force
+    full = pair_variables(rotates=True, kind="chain", history=2)  # torque, features, free way and history
+    assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 8 + 2 * REAL
+
+
+@pytest.mark.parametrize("name", ["elastic_discs", "frictional_discs", "elastic_arcs", "frictional_arcs"])
+def test_simulation_pays_only_for_its_effects(gallery, name):
+    sim = gallery(name)
+    kind, body = name.split("_")
+    shaped, frictional = body == "arcs", kind == "frictional"
+    rotates = shaped or frictional
+    expected = {row.name for row in grain_variables(rotates, shaped, shaped, 2 if frictional else 0, onset=True)}
+    assert set(sim.grains.variables) == expected
+    for row in ("spin", "orientation", "dissipated", "shape"):
+        assert hasattr(sim.grains, row) == (row in expected)
+    pair_rows = {row.name for row in sim.pairs.variables}
+    assert ("pair_torque" in pair_rows) == rotates
+    assert ("feature" in pair_rows) == shaped
+    assert ("history" in pair_rows) == frictional
+    assert (sim.surfaces is not None) == shaped and sim.parts is None
+    assert sim.platens is None
+    assert ("dissipated_coulomb_friction" in sim.measure.names) == frictional
+    # a slot: rows (with those of the onset correction), copy kept over a rebuild, transpose; the history rests in the
+    # force rows over a rebuild
+    onset = 2 * REAL + shaped * REAL
+    rows = 3 * 4 + 1 + 2 * REAL + rotates * REAL + shaped * 16 + frictional * 2 * REAL + onset
+    kept = 4 + 1 + shaped * 16
+    assert sim.pairs.bytes_per_pair() == rows + kept + 4
+
+
+def test_without_a_ledger_nothing_is_booked(runtime):
+    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.9, 0.0)], scenes.frictional(), ledger=False))
+    assert not sim.grains.has("dissipated") and not hasattr(sim.grains, "dissipated")
+    assert not [name for name in sim.measure.names if name.startswith("dissipated")]
+    sim.run(3)
+    assert sim.measure.sums()["translational_energy"] > 0
+
+
+def test_state_is_read_and_written_by_name(gallery):
+    sim = gallery("elastic_discs")
+    assert sim.state.position.to_numpy().shape == (48, 2)
+    with pytest.raises(AttributeError, match="no state 'spin'.*position"):
+        sim.state.spin.to_numpy()
+
+
+def test_capacity_is_rounded_by_an_eighth_at_most():
+    for count in (1, 8, 9, 100, 4097, 123_457):
+        room = rounded_capacity(count)
+        assert count <= room <= max(count + 7, 1.125 * count)
+    assert len({rounded_capacity(n) for n in range(1000, 2000)}) <= 9
+
+
+def test_shape_table_repeats_the_first_patch_of_every_shape(runtime):
+    shapes = [lsm.disc(), *lsm.random_angular_shapes(3, 1)]
+    table = ChainTable(shapes)
+    for row, shape in enumerate(shapes):
+        first, patches = table.first[row], table.patches[row]
+        assert patches == shape.patch_count
+        radius = table.patch_radius.to_numpy()[first : first + patches + 1]
+        assert radius == pytest.approx(np.append(shape.radius, shape.radius[0]), rel=1e-7)
+        if patches > 1:
+            seam = table.seam.to_numpy()[first : first + patches + 1]
+            assert np.array_equal(seam[0], seam[-1]) and seam[:-1] == pytest.approx(shape.seam, abs=1e-7)
+
+
+GOOD = {"position": [(0.0, 0.0), (3.0, 0.0)], "effects": [lsm.LinearElastic(1.0)]}
+
+
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        ({"position": np.zeros((0, 2))}, "no grains"),
+        ({"position": [(0.0, np.nan), (1.0, 0.0)]}, "Scene.position: grain 0 is not finite"),
+        ({"position": np.zeros((2, 4))}, "dim 4"),
+        ({"scale": -1.0}, "Scene.scale"),
+        ({"density": 0.0}, "Scene.density"),
+        ({"shape": 1}, "Scene.shape"),
+        ({"platen": np.array([0, -1])}, "Scene.platen"),
+        ({"velocity": np.zeros((3, 2))}, "Scene.velocity"),
+        ({"lengths": (1.0,)}, "Scene.lengths"),
+        ({"effects": [lsm.LinearElastic(1.0)] * 2}, "Scene.effects"),
+        ({"effects": ["spring"]}, "Scene.effects"),
+    ],
+)
+def test_scene_that_makes_no_sense_is_refused(changes, message):
+    scenes.scene(**GOOD)
+    with pytest.raises(lsm.InputError, match=message):
+        scenes.scene(**GOOD | changes)

@@ -1,0 +1,265 @@
+"""Exit codes and messages of `lsm`."""
+
+import io
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+import types
+from pathlib import Path
+
+import netCDF4
+import pytest
+from rich.console import Console
+
+from workflows.cli.main import main
+from workflows.cli.progress import ProgressLine, format_line
+from workflows.common.metrics import Figure, write_summary
+
+ROOT = Path(__file__).parents[3]
+
+
+def start(*args):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "workflows.cli.main", *args],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_a_complete_run(plugins, tmp_path, capsys):
+    assert main(["toy-run", "--out", "a/b", "--seed", "7", "--preset", "demo"]) == 0
+    summary = json.loads((tmp_path / "a/b/summary.json").read_text())
+    assert summary == {
+        "workflow": "toy-run",
+        "preset": "demo",
+        "figures": {
+            "seed": {"value": 7, "unit": "1"},
+            "stress": {"value": 5e6, "unit": "Pa", "bound": 2e6, "holds": True},
+        },
+    }
+    out = capsys.readouterr().out
+    assert "strain 0.50/1.00 | mu 0.31" in out and "stress" in out
+
+
+def test_the_default_folder_is_named_after_the_command(plugins, tmp_path):
+    assert main(["toy-run", "--quiet"]) == 0
+    assert (tmp_path / "out/toy-run/summary.json").is_file()
+
+
+def test_the_parameters_reach_the_run(toy, monkeypatch):
+    calls = []
+    monkeypatch.setattr(toy, "run", lambda params, out, progress: calls.append((params, out, progress)))
+    assert main(["toy-run", "--time-step", "none", "--no-rough", "--seeds=4,5", "--out", "x", "--quiet"]) == 0
+    params = toy.Params(time_step=None, rough=False, seeds=[4, 5], normal_stress=1e6)
+    assert calls == [(params, Path("x"), None)]
+
+
+def test_quiet_prints_no_progress_and_no_table(plugins, capsys):
+    main(["toy-run", "--quiet"])
+    out = capsys.readouterr().out
+    assert "strain" not in out and "stress" not in out
+
+
+def test_all_mistakes_at_once_and_nothing_written(plugins, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    before = sorted(tmp_path.rglob("*"))
+    code = main(
+        [
+            "toy-run",
+            "--grains",
+            "1",
+            "--shape",
+            "sphre",
+            "--normal-stress",
+            "-5",
+            "--preset",
+            "smok",
+            "--config",
+            "none.toml",
+            "--out",
+            "file",
+        ]
+    )
+    lines = capsys.readouterr().err.splitlines()
+    assert code == 2
+    assert [line.split()[1] for line in lines] == [
+        "--preset",
+        "--config",
+        "--grains",
+        "--normal-stress",
+        "--shape",
+        "--out",
+    ]
+    assert [p for p in sorted(tmp_path.rglob("*")) if "__pycache__" not in p.parts] == before
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["toy-rn"], "toy-rn: unknown command"),
+        (["toy-rn"], "Did you mean toy-run?"),
+        (["toy-run", "--grans", "3"], "Did you mean --grains?"),
+        (["toy-run", "5"], "5: unexpected"),
+        (["toy-run", "--grains"], "--grains requires an argument"),
+        (["info", "nowhere"], "nowhere: there is no such folder"),
+        (["info", "plugins"], "plugins: holds no run"),
+    ],
+)
+def test_a_mistake_in_the_command_line_is_one_line(plugins, capsys, args, words):
+    assert main(args) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1
+
+
+def test_a_folder_that_is_not_empty_needs_overwrite(plugins, tmp_path, capsys):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/notes").write_text("mine")
+    assert main(["toy-run", "--out", "full"]) == 2
+    assert "full: is not empty" in capsys.readouterr().err
+    assert main(["toy-run", "--out", "full", "--overwrite"]) == 0
+    assert (tmp_path / "full/notes").read_text() == "mine"
+
+
+def test_a_folder_below_a_file_is_refused(plugins, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert main(["toy-run", "--out", "file/below"]) == 2
+    assert "is a file, must be a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("act", "code", "words"), [("reject", 2, "do not fit"), ("diverge", 1, "at step 7")])
+def test_the_errors_of_a_run(plugins, tmp_path, capsys, act, code, words):
+    assert main(["toy-run", "--act", act, "--out", "new/deep"]) == code
+    assert words in capsys.readouterr().err
+    assert (tmp_path / "new").exists() == (code == 1)  # bad input leaves nothing behind
+
+
+def test_a_broken_plugin_is_bad_input(plugins, capsys):
+    (plugins / "broken.py").write_text("def\n")
+    assert main(["list"]) == 2
+    assert "broken.py, line 1" in capsys.readouterr().err
+    assert main(["--version"]) == 0
+
+
+@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_lets_the_run_flush_and_gives_128_plus_n(plugins, tmp_path, signum):
+    process = start("toy-run", "--act", "wait", "--out", "run")
+    wait_for(tmp_path / "run/ready", process)
+    process.send_signal(signum)
+    time.sleep(0.1)  # into the flush, which takes 0.2 s
+    process.send_signal(signum)  # as when a terminal and a parent both send it
+    _, error = process.communicate(timeout=20)
+    assert process.returncode == 128 + signum
+    assert (tmp_path / "run/flushed").exists()
+    assert "Traceback" not in error and signal.Signals(signum).name in error
+
+
+def wait_for(path, process):
+    for _ in range(200):
+        if path.exists():
+            return
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.05)
+    raise AssertionError(f"{path} did not appear")
+
+
+def test_help_shows_units_bounds_and_the_standard_defaults(plugins, capsys):
+    assert main(["toy-run", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "--normal-stress NUMBER normal stress on the layer [Pa]; greater than 0 [default: 1e+06]" in text
+    assert "--dim INTEGER space dimensions; from 2 to 3 [default: 2]" in text
+    assert "--rough --no-rough" in text and "--no-quiet" not in text
+    assert "Only in a TOML file (--config): laws." in text
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    package, _, python = capsys.readouterr().out.splitlines()
+    assert package == "taichi-lsm 0.1.0"
+    assert python == f"Python {sys.version.split()[0]}"
+
+
+def test_list_shows_workflows_and_effects(plugins, capsys, monkeypatch):
+    law = type("Law", (), {"__doc__": "A spring.\n\nMore."})
+    effects = types.SimpleNamespace(find_effects=lambda: {"spring": law})
+    monkeypatch.setitem(sys.modules, "taichi_lsm.effects", effects)  # the real one imports Taichi
+    assert main(["list"]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "toy-run A toy that behaves as it is told." in lines
+    assert lines[-1] == "spring A spring."
+
+
+def test_info_shows_status_figures_and_dimensions(tmp_path, capsys):
+    with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
+        file.createDimension("time", 4)
+        file.run_status = "interrupted"
+        file.seed = 11
+    (tmp_path / "grains.nc").write_bytes(b"half a file")
+    write_summary(tmp_path, "toy-run", None, {"drift": Figure(0.02, "1", 0.025, True)}, quiet=True)
+    assert main(["info", str(tmp_path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "run_status: interrupted seed: 11" in text
+    assert "drift 0.02 0.025 holds" in text
+    assert "run.nc time 4; 0 variables" in text and "grains.nc unreadable" in text
+
+
+def test_summary_is_strict_json(tmp_path, capsys):
+    figures = {"lost": Figure(math.nan, "1"), "bad": Figure(2.0, "J", 1.0, False)}
+    write_summary(tmp_path, "w", "demo", figures)
+    read = json.loads((tmp_path / "summary.json").read_text(), parse_constant=pytest.fail)
+    assert read["figures"] == {
+        "lost": {"value": None, "unit": "1"},
+        "bad": {"value": 2.0, "unit": "J", "bound": 1.0, "holds": False},
+    }
+    assert "FAILS" in capsys.readouterr().out
+    assert os.listdir(tmp_path) == ["summary.json"]
+
+
+def test_live_progress_ends_with_the_last_report_of_every_label():
+    console = Console(force_terminal=True, file=io.StringIO(), width=80)
+    with ProgressLine(console=console) as line:
+        line({"label": "[a]", "strain": 1.0})
+        line({"label": "b", "strain": 2.0})
+        line({"label": "[a]", "strain": 3.0})  # too soon to be shown, but the last one
+    last = console.file.getvalue().split("\r")[-1]
+    assert "[a]: strain 3.00" in last and "b: strain 2.00" in last
+
+
+def test_a_claim_has_both_bound_and_verdict():
+    with pytest.raises(ValueError, match="together"):
+        Figure(1.0, "1", bound=2.0)
+
+
+def test_progress_line():
+    report = {
+        "strain": 1.24,
+        "strain_total": 4.0,
+        "friction": 0.312,
+        "normal_stress": 5e6,
+        "energy_residual": 0.001,
+        "steps_per_second_grain": 412e3,
+        "eta": 130,
+    }
+    assert format_line(report) == (
+        "strain 1.24/4.00 | mu 0.31 | sigma_n 5.00 MPa | energy residual 0.1 % | 412k steps/s-grain | ETA 02:10"
+    )
+    assert format_line({"strain": 0.0, "friction": math.nan, "eta": 3725}) == "strain 0.00 | ETA 1:02:05"
+
+
+def test_plain_progress_is_throttled_for_each_label(capsys):
+    line = ProgressLine()
+    for step in range(5):
+        line({"label": "a", "strain": step})
+        line({"label": "b", "strain": step})
+    line({"label": "a", "strain": 9, "state": "done"})
+    assert capsys.readouterr().out.splitlines() == [
+        "a: strain 0.00",
+        "b: strain 0.00",
+        "a: done | strain 9.00",
+    ]

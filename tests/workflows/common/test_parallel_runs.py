@@ -1,0 +1,72 @@
+"""Runs side by side, each in its own process."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from workflows.common.parallel_runs import ReplicaError, run_replicas
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_every_run_has_a_one_thread_process_of_its_own(toy, tmp_path, monkeypatch, capfd):
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    reports = []
+    jobs = [(f"run-{seed}", "workflows.toy_run", toy.Params(seed=seed), tmp_path / f"r{seed}") for seed in (1, 2, 3)]
+    assert run_replicas(jobs, progress=reports.append) == [tmp_path / f"r{seed}" for seed in (1, 2, 3)]
+    processes = [(tmp_path / f"r{seed}/process").read_text().split() for seed in (1, 2, 3)]
+    assert len({pid for pid, _ in processes} | {str(os.getpid())}) == 4
+    assert {threads for _, threads in processes} == {"1"}
+    assert "OMP_NUM_THREADS" not in os.environ
+    of_one = [r for r in reports if r["label"] == "run-1"]
+    assert [r.get("state") for r in of_one] == ["started", None, "done"]
+    assert of_one[1]["strain"] == 0.5
+    assert "noise" not in capfd.readouterr().out
+
+
+def test_a_failure_is_named_and_the_others_go_on(toy, tmp_path):
+    acts = ("crash", "kill", "finish")
+    jobs = [(act, "workflows.toy_run", toy.Params(act=act), tmp_path / act) for act in acts]
+    with pytest.raises(ReplicaError) as caught:
+        run_replicas(jobs)
+    assert set(caught.value.failures) == {"crash", "kill"}
+    assert "KeyError: 'a bug of ours'" in caught.value.failures["crash"]
+    assert "SIGKILL" in caught.value.failures["kill"]
+    assert "run crash failed" in str(caught.value)
+    assert (tmp_path / "finish/summary.json").exists()
+
+
+def test_labels_must_differ(toy, tmp_path):
+    job = ("same", "workflows.toy_run", toy.Params(), tmp_path / "x")
+    with pytest.raises(ValueError, match="same"):
+        run_replicas([job, job])
+
+
+def test_a_signal_reaches_the_children_and_they_flush(plugins, tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import sys\n"
+        "from workflows import discovery, replicas, signals\n"
+        "if __name__ == '__main__':\n"
+        "    toy = discovery.find_workflows()['toy-run']\n"
+        "    signals.install()\n"
+        "    jobs = [(n, 'workflows.toy_run', toy.Params(act='wait'), n) for n in ('a', 'b', 'c')]\n"
+        "    try:\n"
+        "        replicas.run_replicas(jobs)\n"
+        "    except signals.Interrupted as interrupted:\n"
+        "        sys.exit(128 + interrupted.signum)\n"
+    )
+    parent = subprocess.Popen([sys.executable, str(script)], env={**os.environ, "PYTHONPATH": str(ROOT)})
+    deadline = time.monotonic() + 20
+    while not all((tmp_path / name / "ready").exists() for name in "ab"):
+        assert parent.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    parent.send_signal(signal.SIGTERM)
+    assert parent.wait(timeout=20) == 128 + signal.SIGTERM
+    assert all((tmp_path / name / "flushed").exists() for name in "ab")
+    assert not (tmp_path / "c").exists()

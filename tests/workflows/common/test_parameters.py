@@ -1,0 +1,169 @@
+"""Merging preset, TOML and options; messages; TOML text."""
+
+import pickle
+import string
+from typing import Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import BaseModel, Field
+
+from workflows.common.parameters import Params, SettingsError, merge, to_toml
+
+
+def problems(params_class, *args, **kwargs) -> list[str]:
+    with pytest.raises(SettingsError) as caught:
+        merge(params_class, *args, **kwargs)
+    return caught.value.problems
+
+
+def test_no_preset_is_standard(toy):
+    params = merge(toy.Params)
+    assert params.normal_stress == 1e6  # the class default is 5e6
+    assert params.preset_name == "standard"
+
+
+def test_option_wins_over_toml_and_toml_over_preset(toy, tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text("normal_stress = 2e3\ndim = 3\n")
+    params = merge(toy.Params, "smoke", scene, {"dim": "2"})
+    assert (params.grains, params.normal_stress, params.dim) == (10, 2e3, 2)
+    assert params.preset_name == "smoke"
+
+
+def test_options_are_parsed_from_text(toy):
+    options = {
+        "grains": "12",
+        "normal_stress": "5e6",
+        "shapes": "sphere, angular",
+        "seeds": "3,4",
+        "time_step": "none",
+        "rough": False,
+    }
+    params = merge(toy.Params, options=options)
+    assert params.grains == 12 and params.normal_stress == 5e6 and params.rough is False
+    assert params.shapes == ("sphere", "angular") and params.seeds == [3, 4]
+    assert params.time_step is None
+
+
+def test_every_mistake_of_every_source_is_one_message(toy, tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text('grans = 5\nnormal_stress = -1.0\nseeds = [1, -2, -3]\nlaws = [{name = "x", stifness = 2}]\n')
+    found = problems(toy.Params, "smok", scene, {"dim": "4", "shape": "sphre", "threads": "two"})
+    expected = [
+        "--preset smok: unknown preset, must be one of smoke, demo, standard, reference. Did you mean smoke?",
+        f"grans = 5 ({scene}): unknown parameter. Did you mean grains?",
+        f"--normal-stress -1.0 ({scene}): must be a number, greater than 0.",
+        f"--seeds [1, -2, -3] ({scene}): must be a list of integers, at least 0.",
+        f"laws[0].stifness = 2 ({scene}): unknown key. Did you mean stiffness?",
+        "--dim 4: must be an integer, from 2 to 3.",
+        "--shape sphre: must be one of sphere, angular. Did you mean sphere?",
+        "--threads two: must be an integer, at least 1.",
+    ]
+    assert sorted(found) == sorted(expected)
+
+
+def test_a_rule_between_fields_is_told_in_its_own_words(toy):
+    found = problems(toy.Params, options={"dim": "3", "shape": "angular", "grains": "13"})
+    assert found == ["13 angular grains do not fit in 3D."]
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+def test_numbers_are_finite(toy, value):
+    (found,) = problems(toy.Params, options={"normal_stress": value})
+    assert found.startswith(f"--normal-stress {value}: must be")
+
+
+def test_a_truth_value_is_no_number(toy, tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text("threads = true\n")
+    assert problems(toy.Params, None, scene) == [f"--threads True ({scene}): must be an integer, at least 1."]
+
+
+def test_a_required_field_says_so():
+    class Needy(Params):
+        depth: float = Field(gt=0, description="depth [m]")
+
+    assert problems(Needy) == ["--depth: is required, must be a number, greater than 0."]
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda p: None, "there is no such file"),
+        (lambda p: p.mkdir(), "is a directory"),
+        (lambda p: p.write_text("grains = = 3"), "is not valid TOML"),
+        (lambda p: p.write_bytes(b"note = '\xff'"), "is not UTF-8"),
+    ],
+)
+def test_an_unreadable_toml_file_is_one_of_the_mistakes(toy, tmp_path, make, words):
+    scene = tmp_path / "scene.toml"
+    make(scene)
+    config, grains = problems(toy.Params, None, scene, {"grains": "1"})
+    assert config.startswith(f"--config {scene}: {words}")
+    assert grains.startswith("--grains 1:")
+
+
+def test_a_misspelt_toml_file_gets_the_nearest_name(toy, tmp_path):
+    (tmp_path / "scene.toml").write_text("")
+    (found,) = problems(toy.Params, None, tmp_path / "scne.toml")
+    assert found.endswith("Did you mean scene.toml?")
+
+
+def test_toml_has_every_field_under_its_description(toy):
+    text = to_toml(toy.Params(laws=[{"name": "a"}]))
+    assert "# normal stress on the layer [Pa]\nnormal_stress = 5000000.0\n" in text
+    for name in toy.Params.model_fields:
+        assert f"\n{name} = " in f"\n{text}" or f"[[{name}]]" in text
+
+
+def test_the_preset_is_a_label_and_no_parameter(toy, tmp_path):
+    params = merge(toy.Params, "demo")
+    assert params == toy.Params() and params.preset_name == "demo"
+    assert pickle.loads(pickle.dumps(params)).preset_name == "demo"
+    assert toy.Params().preset_name is None
+
+
+class Item(BaseModel, extra="forbid"):
+    name: str
+    weight: float = 1.0
+    tags: list[str] = []
+
+
+class Everything(Params):
+    count: int = Field(3, ge=-(2**40), description="a count [1]")
+    length: float = Field(0.1, description="a length [m]")
+    limit: float | None = Field(2.0, description="a limit\nover two lines [s]")
+    mode: Literal["a", "b"] = Field("a", description="a mode")
+    words: list[str] = Field([], description="words")
+    flag: bool = False
+    text: str = ""
+    items: list[Item] = Field([], description="items")
+    free: dict[str, float] = Field({}, description="free table")
+
+
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+# Once another test has started Taichi, the processor takes subnormal numbers for zero.
+numbers = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
+
+
+@given(
+    st.builds(
+        Everything,
+        seed=st.integers(0, 2**64),
+        count=st.integers(-(2**40), 2**40),
+        length=numbers,
+        limit=st.none() | numbers,
+        mode=st.sampled_from("ab"),
+        words=st.lists(texts, max_size=3),
+        flag=st.booleans(),
+        text=texts,
+        items=st.lists(st.builds(Item, name=texts, weight=numbers, tags=st.lists(texts, max_size=2)), max_size=3),
+        free=st.dictionaries(texts | st.text(string.ascii_letters), numbers, max_size=3),
+    )
+)
+def test_toml_round_trip(tmp_path_factory, params):
+    scene = tmp_path_factory.getbasetemp() / "round.toml"
+    scene.write_text(to_toml(params), encoding="utf-8", newline="")
+    assert merge(Everything, "demo", scene, {}) == params

@@ -1,0 +1,77 @@
+"""Pictures: the grains' true outlines in their places, and figures that are written."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from workflows.plots import layer_pictures, run_plots
+
+
+def area(outline):
+    x, y = outline.T
+    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def drawn_area(snapshot):
+    return sum(area(o) for o in snapshot.outlines)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "angular"])
+def test_outlines_have_the_area_of_the_grains(sheared, shape):
+    folder, params, _ = sheared(shape)
+    grains = lsm.open_run(folder / "grains.nc")
+    exact = float(grains.mass.sum()) / (params.density * params.diameter)
+    snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
+    assert drawn_area(snapshot) * 1e-6 == pytest.approx(exact, rel=0.02)  # chords lie inside the arcs
+
+
+def test_an_outline_is_closed_and_convex(sheared):
+    folder, _, _ = sheared("angular")
+    for outline in layer_pictures.shape_outlines(lsm.open_run(folder / "grains.nc"))[1:]:
+        side = np.diff(outline, axis=0, append=outline[:1])
+        side = side[np.linalg.norm(side, axis=1) > 1e-9]  # an arc begins where the last one ended
+        following = np.roll(side, -1, axis=0)
+        turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
+        assert turn.min() > -1e-9
+        angles = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
+        assert angles[-1] - angles[0] == pytest.approx(2 * np.pi, abs=1.5)
+
+
+def test_grains_hardly_overlap_in_their_places(sheared):
+    """Wrong orientations or positions would make the outlines of angular grains cross."""
+    shapely = pytest.importorskip("shapely")
+    folder, params, _ = sheared("angular")
+    snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
+    polygons = [shapely.Polygon(o + p) for o, p, glued in zip(*snapshot[:2], snapshot.glued, strict=True) if not glued]
+    together = shapely.union_all(polygons).area
+    assert together == pytest.approx(sum(p.area for p in polygons), rel=2e-3)
+
+
+def test_positions_are_wrapped_and_velocities_relative_to_the_platen(sheared):
+    folder, params, _ = sheared("sphere")
+    snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
+    assert snapshot.period == pytest.approx(10 * 1e3 * params.diameter)
+    assert np.all((snapshot.position[:, 0] >= 0) & (snapshot.position[:, 0] < snapshot.period))
+    upper = snapshot.glued & (snapshot.position[:, 1] > snapshot.position[:, 1].mean())
+    assert np.allclose(snapshot.velocity[upper], 1.0)
+    assert 0.1 < snapshot.velocity[~snapshot.glued].mean() < 0.9
+
+
+def test_running_mean():
+    assert np.allclose(run_plots.running_mean(np.full(7, 3.0), 4), 3.0)
+    assert np.allclose(run_plots.running_mean(np.arange(5.0), 3), [0.5, 1, 2, 3, 3.5])
+    assert run_plots.running_mean(np.arange(3.0), 10).shape == (3,)
+
+
+def test_only_checked_references_are_drawn():
+    rows = run_plots.published_rows()
+    assert sum(len(row[-1]) for row in rows) == sum(r["note"] != "unchecked" for r in lsm.references())
+    assert {row[3] for row in rows} == {"laboratory", "simulation"}
+    assert [row[2] for row in rows if row[5]] == ["discs 2D, Latham 2005", "spheres 3D, Latham 2005"]
+
+
+def test_the_figure_of_a_run_is_written(sheared):
+    folder, _, _ = sheared("angular")
+    path = run_plots.plot_run(folder)
+    assert path == folder / "run.png"
+    assert path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 30_000

@@ -1,0 +1,92 @@
+"""Workflows are found, not registered: every module that defines `Params` and `run` is a command.
+
+LSM_PLUGINS=DIR adds DIR/workflows/*.py. They become modules of this package (`workflows.<name>`), so that a
+replica in a process of its own can import them by name as well.
+"""
+
+import ast
+import importlib
+import os
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+import workflows
+from workflows.common.parameters import Params
+
+PLUGINS = "LSM_PLUGINS"
+HERE = Path(__file__).parents[1]
+
+
+class DiscoveryError(RuntimeError):
+    """A workflow file, or the folder named by LSM_PLUGINS, cannot be used."""
+
+
+def plugin_folder() -> Path | None:
+    """DIR/workflows of LSM_PLUGINS=DIR, or None; raises DiscoveryError if DIR is no folder."""
+    root = os.environ.get(PLUGINS)
+    if not root:
+        return None
+    if not Path(root).is_dir():
+        raise DiscoveryError(f"{PLUGINS}={root}: there is no such folder.")
+    folder = Path(root).resolve() / "workflows"
+    return folder if folder.is_dir() and folder != HERE else None
+
+
+def workflow_files() -> list[Path]:
+    """The files that define a workflow, ours first; read, but not imported."""
+    found = [path for path in sorted(HERE.glob("*.py")) if is_workflow(path)]
+    folder = plugin_folder()
+    if folder is None:
+        return found
+    for path in sorted(folder.glob("*.py")):
+        if is_workflow(path):
+            if (HERE / path.name).exists():
+                raise DiscoveryError(f"{path}: the name {path.stem} is taken by lsm itself. Rename the file.")
+            found.append(path)
+    return found
+
+
+def is_workflow(path: Path) -> bool:
+    """Whether a file defines `Params` and `run` at its top level; DiscoveryError if it is no Python."""
+    try:
+        tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
+    except SyntaxError as error:
+        raise DiscoveryError(f"{path}, line {error.lineno}: not valid Python: {error.msg}.") from error
+    except (OSError, ValueError) as error:
+        raise DiscoveryError(f"{path}: cannot be read: {error}.") from error
+    names = set()
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign):
+            names.update(target.id for target in node.targets if isinstance(target, ast.Name))
+        elif isinstance(node, ast.ImportFrom):
+            names.update(alias.asname or alias.name for alias in node.names)
+    return {"Params", "run"} <= names
+
+
+def load_path() -> None:
+    """Make the plugins' modules importable as `workflows.<name>`; ours are found first."""
+    folder = plugin_folder()
+    if folder is not None and str(folder) not in workflows.__path__:
+        workflows.__path__.append(str(folder))
+        importlib.invalidate_caches()
+
+
+def find_workflows() -> dict[str, ModuleType]:
+    """Command name -> module of every workflow; raises DiscoveryError naming the file that is at fault."""
+    load_path()
+    found = {}
+    for path in workflow_files():
+        try:
+            module = importlib.import_module(f"workflows.{path.stem}")
+        except Exception as error:
+            where = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+            line = f", line {where[-1].lineno}" if where else ""
+            reason = f"{type(error).__name__}: {error}"
+            raise DiscoveryError(f"{path}{line}: cannot be imported: {reason}") from error
+        if not (isinstance(module.Params, type) and issubclass(module.Params, Params)):
+            raise DiscoveryError(f"{path}: Params must be a subclass of workflows.common.parameters.Params.")
+        found[path.stem.replace("_", "-")] = module
+    return found

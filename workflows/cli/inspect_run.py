@@ -1,0 +1,115 @@
+"""What `lsm list` and `lsm info` show."""
+
+import dataclasses
+import inspect
+import json
+from pathlib import Path
+from types import ModuleType
+
+from workflows.common.metrics import FILE, print_summary
+from workflows.common.parameters import nearest
+
+ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
+
+
+class NoRunError(ValueError):
+    """The folder is missing, or holds no file of a run."""
+
+
+def first_line(thing) -> str:
+    """The first line of a docstring, "" without one."""
+    lines = (inspect.getdoc(thing) or "").strip().splitlines()
+    return lines[0] if lines else ""
+
+
+def print_list(workflows: dict[str, ModuleType]) -> int:
+    """Print every workflow and every force law with its first docstring line."""
+    from taichi_lsm.effects import find_effects  # here, since it imports Taichi
+
+    for title, found in (("Workflows", workflows), ("Effects", find_effects())):
+        width = max(map(len, found), default=0)
+        print(f"{title}:")
+        for name in sorted(found):
+            print(f"  {name:{width}}  {first_line(found[name])}".rstrip())
+    return 0
+
+
+def print_effects() -> int:
+    """Print every force law: equation, parameters with units, what it remembers, and what it was measured to cost."""
+    import taichi_lsm as lsm
+
+    saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
+    for name, law in lsm.find_effects().items():
+        case = law.cases()[0]
+        print(f"{name}: {first_line(law)}")
+        print(f"  equation    {law.equation}")
+        print(f"  phase       {law.phase}")
+        for field in dataclasses.fields(law):
+            given = "" if field.default is dataclasses.MISSING else f", default {field.default}"
+            print(f"  parameter   {field.name} [{law.units.get(field.name, '?')}]{given}")
+        for value in case.history:
+            sizes = " or ".join(f"{8 * value.size(dim)} bytes in {dim}D" for dim in (2, 3))
+            print(f"  remembers   {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
+        cost = saved["laws"].get(name)
+        if cost:
+            print(
+                f"  cost        {cost['added_ns']:.1f} ns per grain and step, {cost['added_bytes_per_grain']} bytes "
+                f"per grain, {cost['added_bytes_per_pair']} bytes per listed pair"
+            )
+        else:
+            print("  cost        not measured")
+        print()
+    print(f"Costs: {saved['about']['scene']}, on {saved['about']['machine']}; python -m benchmarks.effects")
+    return 0
+
+
+def print_info(folder: Path) -> int:
+    """Print status and attributes of a run, its figures, and its files with their dimensions."""
+    if not folder.is_dir():
+        siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
+        raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")
+    files = sorted(p for p in folder.rglob("*") if p.is_file())
+    if not any(p.suffix == ".nc" or p.name == FILE for p in files):
+        raise NoRunError(f"{folder}: holds no run (no NetCDF file and no {FILE}).")
+    for name, value in _attributes(folder).items():
+        print(f"{name}: {value}")
+    if (folder / FILE).is_file():
+        print()
+        try:
+            print_summary(json.loads((folder / FILE).read_text(encoding="utf-8")))
+        except (ValueError, KeyError, TypeError):
+            print(f"{FILE}: unreadable")
+    print("\nFiles:")
+    width = max(len(str(p.relative_to(folder))) for p in files)
+    for path in files:
+        print(f"  {str(path.relative_to(folder)):{width}}  {_contents(path)}".rstrip())
+    return 0
+
+
+def _attributes(folder: Path) -> dict:
+    """Attributes of run.nc, or of the first NetCDF file beside where run.nc would be."""
+    for path in (folder / "run.nc", *sorted(folder.glob("*.nc"))):
+        try:
+            with _open(path) as file:
+                return {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
+        except OSError:
+            continue
+    return {"run_status": "unknown (no readable run.nc)"}
+
+
+def _contents(path: Path) -> str:
+    """Dimensions and status of a NetCDF file, the size of any other."""
+    if path.suffix != ".nc":
+        return f"{path.stat().st_size} bytes"
+    try:
+        with _open(path) as file:
+            sizes = ", ".join(f"{name} {len(dim)}" for name, dim in file.dimensions.items())
+            return f"{sizes or 'no dimensions'}; {len(file.variables)} variables"
+    except OSError as error:
+        return f"unreadable: {error.strerror or error}"
+
+
+def _open(path: Path):
+    import netCDF4  # not at the top: a command that reads no file does not wait for it
+
+    return netCDF4.Dataset(path)

@@ -1,0 +1,267 @@
+"""The command line `lsm`: one command per workflow, its options made from the workflow's Params."""
+
+import inspect
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Group, Parameter, UnknownCommandError, UnusedCliTokensError
+
+from workflows.cli import inspect_run, signals
+from workflows.cli.discovery import DiscoveryError, find_workflows
+from workflows.cli.progress import ProgressLine
+from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
+from workflows.common.parameters import DEFAULT_PRESET, Params, SettingsError, merge, nearest, option_name
+
+COMPLETE, FAILED, BAD_INPUT = 0, 1, 2
+
+# cyclopts itself has groups called Commands, Parameters and Arguments; the names must differ from those.
+PHYSICS = Group("Experiment", sort_key=1)
+MACHINE = Group("Computation", sort_key=2)
+FILES = Group("Files and display", sort_key=3)
+RESERVED = ("out", "config", "preset", "quiet", "overwrite")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit code: 0 complete, 1 failed, 2 bad input, 128 + n on signal n."""
+    previous = signals.install()
+    try:
+        return _main(list(sys.argv[1:] if argv is None else argv))
+    except signals.Interrupted as interrupted:
+        _complain([f"{interrupted}."])
+        return 128 + interrupted.signum
+    finally:
+        signals.restore(previous)
+
+
+def _main(argv: list[str]) -> int:
+    try:
+        if argv == ["--version"]:  # before discovery: a broken plugin must not hide it
+            print(version_text())
+            return COMPLETE
+        app = build_app(find_workflows())
+        command, bound, _ = app.parse_args(argv, exit_on_error=False, print_error=False)
+    except DiscoveryError as error:
+        return _complain([str(error)])
+    except CycloptsError as error:
+        return _complain([_parse_problem(error)])
+    code = command(*bound.args, **bound.kwargs)
+    return code if isinstance(code, int) else COMPLETE
+
+
+def _parse_problem(error: CycloptsError) -> str:
+    """One line for a mistake in the command line itself (an unknown option, a missing value)."""
+    if isinstance(error, UnknownCommandError):
+        token, names = error.unused_tokens[0], [n for n in error.app if n != "-h"]
+        return f"{token}: unknown command, must be one of {', '.join(names)}.{nearest(token, names)}"
+    if isinstance(error, UnusedCliTokensError):
+        return f"{' '.join(error.unused_tokens)}: unexpected; every value follows its option."
+    error.verbose = False  # or the text names our functions and their files
+    return str(error)
+
+
+def _complain(problems: list[str]) -> int:
+    for problem in problems:
+        print(f"lsm: {problem}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def version_text() -> str:
+    """Versions of the package, of Taichi and of Python, without importing Taichi."""
+
+    def of(package):
+        try:
+            return metadata.version(package)
+        except metadata.PackageNotFoundError:
+            return None
+
+    ours = of("taichi-lsm")
+    if ours is None:  # run from a source tree that is not installed
+        import taichi_lsm
+
+        ours = taichi_lsm.__version__
+    return f"taichi-lsm {ours}\nTaichi {of('taichi') or 'not installed'}\nPython {platform.python_version()}"
+
+
+def build_app(found: dict[str, ModuleType]) -> App:
+    """The cyclopts App with one command per workflow, `list` and `info`."""
+    app = App(
+        name="lsm",
+        help="Discrete-element simulation of sheared fault gouge with real grain shapes.",
+        version=version_text,
+        version_flags=["--version"],
+        help_format="plaintext",  # "[Pa]" would be markup
+        print_error=False,
+        exit_on_error=False,
+    )
+    workflows_group = Group("Workflows", sort_key=1)
+    others_group = Group("Results and lists", sort_key=2)
+    for name, module in found.items():
+        app.command(workflow_command(name, module), name=name, group=workflows_group)
+
+    def list_names(
+        *,
+        effects: Annotated[
+            bool, Parameter(name="--effects", help="equation, parameters and cost of every law", negative=())
+        ] = False,
+    ) -> int:
+        """List the workflows and the force laws."""
+        return inspect_run.print_effects() if effects else inspect_run.print_list(found)
+
+    def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
+        """Show what a folder holds: status, figures, files."""
+        try:
+            return inspect_run.print_info(folder)
+        except inspect_run.NoRunError as error:
+            return _complain([str(error)])
+
+    app.command(list_names, name="list", group=others_group)
+    app.command(info, name="info", group=others_group)
+    return app
+
+
+def workflow_command(name: str, module: ModuleType):
+    """A function that runs the workflow, with one keyword-only parameter per option.
+
+    Every option but a flag is taken as text, so that pydantic judges all of them together.
+    """
+    params_class: type[Params] = module.Params
+    default_values = {
+        **{f: d.default for f, d in params_class.model_fields.items() if not d.is_required()},
+        **params_class.presets.get(DEFAULT_PRESET, {}),
+    }
+    presets = ", ".join({**params_class.presets, DEFAULT_PRESET: {}})
+
+    def parameter(key: str, annotation: Any, group: Group, text: str, default: str | None = None, **more):
+        spec = Parameter(name=option_name(key), group=group, help=text, show_default=default or False, **more)
+        return inspect.Parameter(
+            key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[annotation | None, spec]
+        )
+
+    listed = [
+        parameter("preset", str, FILES, f"starting values; one of {presets}", DEFAULT_PRESET, metavar="NAME"),
+        parameter("config", str, FILES, "TOML file of parameters; they win over the preset", metavar="FILE"),
+        parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
+        parameter("overwrite", bool, FILES, "write over the files of a folder that is not empty", negative=()),
+        parameter("quiet", bool, FILES, "print nothing but errors", negative=()),
+    ]
+    only_toml = []
+    for key, field in params_class.model_fields.items():
+        if key in RESERVED:
+            raise DiscoveryError(f"{module.__file__}: the parameter name {key} is taken by lsm itself.")
+        how = kind(field.annotation)
+        if how == "toml":
+            only_toml.append(key)
+            continue
+        group = MACHINE if key in Params.model_fields else PHYSICS
+        listed.append(
+            parameter(
+                key,
+                bool if how == "flag" else str,
+                group,
+                option_help(field),
+                _shown(default_values.get(key)),
+                metavar=metavar(field.annotation),
+            )
+        )
+
+    def command(**options) -> int:
+        given = {key: value for key, value in options.items() if value is not None}
+        common = {key: given.pop(key) for key in RESERVED if key in given}
+        return execute(name, module, given, **common)
+
+    command.__name__ = name.replace("-", "_")
+    command.__doc__ = (inspect.getdoc(module) or name).strip()
+    if only_toml:
+        command.__doc__ += f"\n\nOnly in a TOML file (--config): {', '.join(only_toml)}."
+    command.__signature__ = inspect.Signature(listed, return_annotation=int)
+    command.__annotations__ = {p.name: p.annotation for p in listed} | {"return": int}
+    return command
+
+
+def option_help(field) -> str:
+    """Description (which ends in the unit) and what is allowed."""
+    names = choices(field.annotation)
+    bounds = f"one of {', '.join(names)}" if names else limits(field.metadata)
+    if kind(field.annotation) == "list":
+        bounds = allowed(field) + ", separated by commas"
+    return "; ".join(filter(None, [" ".join((field.description or "").split()), bounds]))
+
+
+def _shown(value: Any) -> str | None:
+    if value is None:
+        return "none"
+    if isinstance(value, list | tuple):
+        return ",".join(map(str, value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def execute(
+    name: str,
+    module: ModuleType,
+    options: dict[str, Any],
+    out: str | None = None,
+    config: str | None = None,
+    preset: str | None = None,
+    quiet: bool = False,
+    overwrite: bool = False,
+) -> int:
+    """Check everything, then run a workflow; returns the exit code."""
+    from taichi_lsm.core.errors import InputError, SimulationError
+
+    folder = Path("out") / name if out is None else Path(out)
+    problems, params = refusals(folder, overwrite), None
+    try:
+        params = merge(module.Params, preset, config, options)
+    except SettingsError as error:
+        problems = error.problems + problems
+    if problems:
+        return _complain(problems)
+    made = [p for p in (folder, *folder.parents) if not p.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    with ProgressLine(quiet) as progress:
+        try:
+            module.run(params, out=folder, progress=None if quiet else progress)
+        except InputError as error:
+            _remove_empty(made)
+            return _complain([str(error)])
+        except SimulationError as error:
+            _complain([str(error)])
+            return FAILED
+    return COMPLETE
+
+
+def refusals(folder: Path, overwrite: bool) -> list[str]:
+    """Why the folder cannot be written to; [] if it can."""
+    if folder.is_dir():
+        if not os.access(folder, os.W_OK | os.X_OK):
+            return [f"--out {folder}: may not be written to."]
+        if any(folder.iterdir()) and not overwrite:
+            return [f"--out {folder}: is not empty, must be new or empty unless --overwrite is given."]
+        return []
+    if folder.exists():
+        return [f"--out {folder}: is a file, must be a folder."]
+    above = next(p for p in folder.absolute().parents if p.exists())
+    if not above.is_dir():
+        return [f"--out {folder}: {above} is a file, must be a folder."]
+    return [] if os.access(above, os.W_OK | os.X_OK) else [f"--out {folder}: {above} may not be written to."]
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Take back folders that were made for nothing, innermost first; one that holds something stays."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+if __name__ == "__main__":
+    sys.exit(main())

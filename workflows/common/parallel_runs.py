@@ -1,0 +1,260 @@
+"""Several runs side by side, each in a fresh process of its own.
+
+Spawned, never forked, and one run per process: Taichi hangs in a fork, and its fields belong to the process.
+"""
+
+import importlib
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from taichi_lsm.core.errors import SimulationError
+from workflows.cli import discovery, signals
+from workflows.cli.progress import as_dict
+
+SEND_EVERY_S = 0.2
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+LOG_LINES = 20
+
+Job = tuple[str, str, Any, str | os.PathLike]
+
+
+class ReplicaError(SimulationError):
+    """Some of the runs failed. failures: label -> traceback text, or how the process ended."""
+
+    def __init__(self, failures: dict[str, str]):
+        texts = (f"run {label} failed:\n{text.rstrip()}" for label, text in failures.items())
+        super().__init__("\n".join(texts))
+        self.failures = failures
+
+    def __reduce__(self):
+        return ReplicaError, (self.failures,)
+
+
+@dataclass
+class _Running:
+    label: str
+    process: BaseProcess
+    pipe: Connection
+    log: Path
+    report: dict
+    failure: str | None = None
+
+
+def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Callable[[dict], None] | None = None) -> list[Path]:
+    """Run every job, `at_a_time` of them at once; returns the folders of the runs, in the order of the jobs.
+
+    jobs: (label, module_name, params, out_dir); the process calls module.run(params, out=..., progress=...).
+    progress: receives each child's reports as a dict, with its label and, at the start and end, its state
+    (started | done | failed); None is silent, and so are the children.
+    A failing run does not stop the others. Raises ReplicaError when all have ended; Interrupted after the
+    signal was passed on and the children have flushed their files and ended; ValueError for equal labels.
+    """
+    labels = [job[0] for job in jobs]
+    if len(set(labels)) < len(labels) or at_a_time < 1:
+        raise ValueError(f"run_replicas: labels {labels} must differ, at_a_time {at_a_time} must be >= 1")
+    show = progress or (lambda report: None)
+    waiting, running, failures = deque(jobs), [], {}
+    with tempfile.TemporaryDirectory(prefix="lsm-") as logs:
+        try:
+            while waiting or running:
+                while waiting and len(running) < at_a_time:
+                    job = waiting.popleft()
+                    _start(job, Path(logs) / f"{len(waiting)}.log", progress is not None, running)
+                    show({"label": job[0], "state": "started"})
+                running = _attend(running, show, failures)
+        except BaseException as error:
+            _stop(running, error.signum if isinstance(error, signals.Interrupted) else signal.SIGTERM)
+            raise
+    if failures:
+        raise ReplicaError({label: failures[label] for label in labels if label in failures})
+    return [Path(job[3]) for job in jobs]
+
+
+def _start(job: Job, log: Path, reports: bool, running: list[_Running]) -> None:
+    """Start the process of a job and add it to `running`."""
+    label, module_name, params, out = job
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe(duplex=False)
+    # Pickled here, and read by the child only once it can import a plugin's Params.
+    payload = pickle.dumps((module_name, params, str(out), reports))
+    process = context.Process(target=_child, args=(label, payload, theirs, str(log)), name=f"lsm {label}", daemon=True)
+    resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again
+    # The child inherits both: numpy reads the limits when it is imported, and a signal that arrives before
+    # the child has its handlers waits instead of killing it. We see it once the child is in `running`.
+    with _environment(ONE_THREAD), _blocked_signals():
+        process.start()
+        running.append(_Running(label, process, ours, log, {"label": label}))
+    theirs.close()
+
+
+def _attend(running: list[_Running], show: Callable[[dict], None], failures: dict[str, str]) -> list[_Running]:
+    """Wait for something to happen, pass reports on, note failures; returns the runs still going."""
+    wait([r.pipe for r in running] + [r.process.sentinel for r in running])
+    still = []
+    for run in running:
+        alive = run.process.is_alive()  # asked first: what it sent before its end is then still read below
+        _drain(run, show)
+        if alive:
+            still.append(run)
+            continue
+        run.process.join()
+        if run.failure is None and run.process.exitcode != 0:
+            run.failure = _how_it_ended(run)
+        if run.failure is not None:
+            failures[run.label] = run.failure
+        show(run.report | {"state": "failed" if run.failure else "done"})
+        run.pipe.close()
+    return still
+
+
+def _drain(run: _Running, show: Callable[[dict], None]) -> None:
+    try:
+        while run.pipe.poll():
+            kind, content = run.pipe.recv()
+            if kind == "report":
+                run.report = content | {"label": run.label}
+                show(run.report)
+            else:
+                run.failure = content
+    except (EOFError, OSError):
+        time.sleep(0.01)  # its end of the pipe is closed: it is about to end, and `wait` would return at once
+
+
+def _stop(running: list[_Running], signum: int) -> None:
+    """Pass the signal on, and any further one, and wait until every child has flushed and ended."""
+    while running:
+        try:
+            for run in running:
+                if run.process.is_alive():
+                    os.kill(run.process.pid, signum)
+            running = [run for run in running if not _joined(run)]
+        except signals.Interrupted as again:
+            signum = again.signum
+
+
+def _joined(run: _Running) -> bool:
+    while run.process.is_alive():
+        # Read on, or a child that waits for room in its pipe never gets to its flush.
+        wait([run.pipe, run.process.sentinel])
+        _drain(run, lambda report: None)
+    run.process.join()
+    run.pipe.close()
+    return True
+
+
+def _how_it_ended(run: _Running) -> str:
+    code = run.process.exitcode
+    text = f"the process ended with exit code {code}"
+    if code < 0:
+        text = f"the process was killed by {signal.Signals(-code).name}"
+        text += ", perhaps for want of memory" if -code == signal.SIGKILL else ""
+    lines = run.log.read_text(errors="replace").splitlines()[-LOG_LINES:] if run.log.exists() else []
+    return "\n".join([text, *lines])
+
+
+@contextmanager
+def _environment(changes: dict[str, str]):
+    before = {name: os.environ.get(name) for name in changes}
+    os.environ.update(changes)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _blocked_signals():
+    if not hasattr(signal, "pthread_sigmask"):  # Windows has no signal masks
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals.HANDLED)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _child(label: str, payload: bytes, pipe: Connection, log: str) -> None:
+    """The whole life of one run's process."""
+    _redirect_output(log)
+    _set_title(f"lsm {label}")
+    code = 1
+    try:
+        signals.install()
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, signals.HANDLED)
+        discovery.load_path()
+        module_name, params, out, reports = pickle.loads(payload)
+        Path(out).mkdir(parents=True, exist_ok=True)
+        module = importlib.import_module(module_name)
+        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None)
+        code = 0
+    except signals.Interrupted as interrupted:
+        code = 128 + interrupted.signum
+    except BaseException:
+        _send(pipe, "failure", traceback.format_exc())
+    finally:
+        pipe.close()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    sys.exit(code)
+
+
+def _redirect_output(log: str) -> None:
+    """Send what the run and its libraries print to a file: the parent's display owns the terminal."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    os.dup2(handle, 1)
+    os.dup2(handle, 2)
+    os.close(handle)
+
+
+def _set_title(title: str) -> None:
+    """The name that top and ps show; only Linux has a file for it."""
+    try:
+        Path("/proc/self/comm").write_text(title[:15])
+    except OSError:
+        pass
+
+
+def _sender(pipe: Connection) -> Callable[[Any], None]:
+    last = -SEND_EVERY_S
+
+    def send(report: Any) -> None:
+        nonlocal last
+        report = as_dict(report)
+        if "state" in report or time.monotonic() - last >= SEND_EVERY_S:
+            last = time.monotonic()
+            if not _send(pipe, "report", report):
+                # The parent was killed: end as if it had passed the signal on, with the files flushed.
+                raise signals.Interrupted(signal.SIGTERM)
+
+    return send
+
+
+def _send(pipe: Connection, kind: str, content: Any) -> bool:
+    try:
+        pipe.send((kind, content))
+    except OSError:
+        return False
+    return True

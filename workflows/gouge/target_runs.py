@@ -1,0 +1,79 @@
+"""Runs of a sheared layer until the mean friction is known as well as was asked for."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows.common.metrics import Figure, write_summary
+from workflows.common.parallel_runs import run_replicas
+from workflows.common.parameters import to_toml
+from workflows.common.run_table import write_runs
+from workflows.gouge import target_error
+
+COLUMNS = [
+    lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing"),
+    lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
+    lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run"),
+]
+
+
+def runs_of(params, plan):
+    """{label: parameters} of the runs of a plan."""
+    changes = {"target_error": None, "strain": plan.strain, "step_safety": plan.step_safety}
+    seeds = range(params.seed, params.seed + plan.seeds)
+    return {f"seed-{s}": type(params)(**params.model_dump() | changes | {"seed": s}) for s in seeds}
+
+
+def run_to_target(params, out, progress, workflow, analyse):
+    """Plan and make the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
+
+    workflow: name of the module that makes the runs; analyse(dataset, params) -> figures of one of them.
+    """
+    out = Path(out)
+    row = target_error.table_of(params.shape, params.dim)
+    plan = target_error.plan(params, params.target_error)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    if progress:
+        print(
+            f"target {params.target_error:g}: {plan.seeds} runs to strain {plan.strain:g}, {plan.step_safety:g} of the "
+            f"stable step; expected error {plan.expected_error:.2g}, time {plan.expected_seconds:.0f} s",
+            flush=True,
+        )
+    began, runs = time.perf_counter(), runs_of(params, plan)
+    jobs = [(label, workflow, of_run, out / "runs" / label) for label, of_run in runs.items()]
+    run_replicas(jobs, 2, progress)
+    rows, steps = [], []
+    for label, of_run in runs.items():
+        dataset = lsm.open_run(out / "runs" / label / "run.nc")
+        figures = analyse(dataset, of_run)
+        means = {name: float(figures[name].value) for name in ("friction_mean", "friction_se")}
+        rows.append({"seed": of_run.seed, "path": f"runs/{label}", **means})
+        steps.append(dataset.dt)
+    table = write_runs(
+        out / "target.nc",
+        rows,
+        COLUMNS,
+        params,
+        min(steps),
+        "Friction of a layer to a wanted error",
+        f"Runs that were planned for an error of {params.target_error:g} of the mean friction.",
+        parameters=("seed",),
+        text={"path": "folder of the run, relative to this file"},
+    )
+    means, errors = ([r[name] for r in rows] for name in ("friction_mean", "friction_se"))
+    error = target_error.reached(row, params, means, errors, f"{plan.step_safety:g}")
+    figures = {
+        "friction_mean": Figure(float(np.mean(means)), "1"),
+        "friction_error": Figure(error, "1", params.target_error, error <= params.target_error),
+        "expected_error": Figure(plan.expected_error, "1"),
+        "seeds": Figure(plan.seeds, "1"),
+        "strain": Figure(plan.strain, "1"),
+        "step_safety": Figure(plan.step_safety, "1"),
+        "expected_seconds": Figure(plan.expected_seconds, "s"),
+        "seconds": Figure(time.perf_counter() - began, "s"),
+    }
+    write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
+    return table

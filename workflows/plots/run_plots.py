@@ -1,0 +1,289 @@
+"""Figures of runs and of comparisons; each reads the files of a folder and writes a PNG beside them.
+
+matplotlib is imported when something is drawn. The colours, of Okabe and Ito, stay apart for colour-blind eyes.
+"""
+
+import textwrap
+import tomllib
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
+
+BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
+COLOUR = {"sphere": BLUE, "angular": ORANGE}
+SMOOTH_STRAIN = 0.05  # width of the running mean of curves
+STYLE = {
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.fontsize": 8.8,
+    "figure.titlesize": 10.5,
+    "savefig.dpi": 130,
+}
+
+
+@contextmanager
+def _figure(path, size):
+    """A figure that is saved at the end; needs no display and leaves the caller's matplotlib as it is."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.savefig(path)
+
+
+def plot_run(out):
+    """Draw run.png of a run of shear-gouge: friction, layer, thickness and energy; returns its path."""
+    out = Path(out)
+    dataset = lsm.open_run(out / "run.nc")
+    params, sheared = _params(dataset), _sheared(dataset)
+    with _figure(out / "run.png", (11, 8)) as figure:
+        (friction, packing), (thickness, energy) = figure.subplots(2, 2)
+        _draw_friction(friction, sheared, params)
+        drawn = draw_packing(packing, read_snapshot(out / "grains.nc"))
+        packing.set_title(f"(b) layer at strain {float(sheared.shear_strain[-1]):.2g}")
+        figure.colorbar(drawn, ax=packing, extend="both").set_label(BAR, fontsize=8.8)
+        _draw_thickness(thickness, sheared, COLOUR[params.shape])
+        _draw_energy(energy, sheared)
+        figure.suptitle(_conditions(params, sheared))
+    return out / "run.png"
+
+
+def plot_stopped(out, error):
+    """Draw stopped.png: the layer when the SimulationError stopped it, with the grains at fault; returns its path."""
+    out = Path(out)
+    snapshot = read_snapshot(out / "grains.nc")
+    with _figure(out / "stopped.png", (9, 7)) as figure:
+        axes = figure.subplots()
+        drawn = draw_packing(axes, snapshot, marked=error.grains)
+        figure.colorbar(drawn, ax=axes, extend="both").set_label(BAR, fontsize=8.8)
+        axes.set_title("last snapshot, the grains at fault edged in red" if error.grains else "last snapshot")
+        figure.suptitle("\n".join(textwrap.wrap(str(error), 95)))
+    return out / "stopped.png"
+
+
+def plot_comparison(out):
+    """Draw friction.png from compare.nc and the files of the complete runs it names; returns its path."""
+    out = Path(out)
+    table = lsm.open_run(out / "compare.nc")
+    folders = {
+        shape: [out / path for path in table.path.values[(table["shape"] == shape) & (table.status == "complete")]]
+        for shape in COLOUR
+    }
+    series = {shape: [lsm.open_run(f / "run.nc") for f in of_shape] for shape, of_shape in folders.items() if of_shape}
+    with _figure(out / "friction.png", (11, 8.4)) as figure:
+        upper, lower = figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03)
+        curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
+        found = {shape: _estimate(table, shape) for shape in series}
+        _draw_comparison(curves, series, found)
+        _draw_published(published, found)
+        drawn, layers = None, lower.subplots(1, 2)
+        for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
+            axes.set_title(f"({letter}) no complete run of {_name(shape)}")
+            if shape in series:
+                last = float(series[shape][0].shear_strain[-1])
+                drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc"))
+                axes.set_title(f"({letter}) layer of {_name(shape)} at strain {last:.2g}", color=COLOUR[shape])
+        if drawn:
+            limits = [axes.get_ylim() for axes, shape in zip(layers, COLOUR, strict=True) if shape in series]
+            for axes in layers:
+                axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+            lower.colorbar(drawn, ax=layers, extend="both", aspect=30).set_label(BAR)
+            one = next(iter(series.values()))[0]
+            figure.suptitle(_conditions(_params(one), _sheared(one)))
+    return out / "friction.png"
+
+
+def _params(dataset):
+    """The parameters of a run of shear-gouge, as its file tells them."""
+    return SimpleNamespace(**tomllib.loads(dataset.config_toml))
+
+
+def _sheared(dataset):
+    return dataset.isel(time=dataset.stage.values == 2)
+
+
+def _estimate(table, shape):
+    own = table.isel(run=((table["shape"] == shape) & (table.status == "complete")).values)
+    return lsm.combine_replicas(own.friction_mean.values, own.friction_se.values)
+
+
+def _name(shape):
+    return {"sphere": "discs", "angular": "angular grains"}[shape]
+
+
+def _conditions(params, sheared):
+    rate = float(sheared.inertial_number[len(sheared.time) // 2 :].mean())
+    size = f"{1e6 * params.smallest_diameter:g}–{1e6 * params.largest_diameter:g} µm"
+    return (
+        f"{params.dim}D gouge, grains {size}, normal stress {params.normal_stress / 1e6:g} MPa, "
+        f"particle friction {params.friction:g}, inertial number {rate:.2g}, "
+        f"stiffness number {params.stiffness_number:g}"
+    )
+
+
+def running_mean(values, width):
+    """Mean over `width` samples about each, fewer at the ends; same length as `values`."""
+    kernel = np.ones(min(max(1, width), len(values)))
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
+
+
+def _smooth(strain, values):
+    step = (strain[-1] - strain[0]) / max(1, len(strain) - 1)
+    return running_mean(values, round(SMOOTH_STRAIN / step) if step > 0 else 1)
+
+
+def _draw_comparison(axes, series, found):
+    """Friction against strain: a line for the mean over the runs of a shape, a band from the least to the greatest."""
+    top, last, since = 0.5, 0.0, 0.0
+    for shape, runs in series.items():
+        sheared = [_sheared(run) for run in runs]
+        begin, end = max(s.shear_strain[0] for s in sheared), min(s.shear_strain[-1] for s in sheared)
+        strain = np.linspace(float(begin), float(end), len(sheared[0].time))
+        curves = [np.interp(strain, s.shear_strain, _smooth(s.shear_strain.values, s.friction.values)) for s in sheared]
+        since, estimate = _params(runs[0]).steady_from, found[shape]
+        axes.fill_between(strain, np.min(curves, axis=0), np.max(curves, axis=0), color=COLOUR[shape], alpha=0.22, lw=0)
+        label = f"{_name(shape)}: {estimate.mean:.3f} ± {estimate.standard_error:.3f} ({len(runs)} runs)"
+        axes.plot(
+            strain, np.mean(curves, axis=0), color=COLOUR[shape], lw=1.4, label=label.replace("(1 runs)", "(1 run)")
+        )
+        axes.plot([since, strain[-1]], [estimate.mean] * 2, color="black", lw=1.1, ls=(0, (5, 3)))
+        top, last = max(top, np.max(curves)), max(last, strain[-1])
+    if series:
+        axes.plot(
+            [], [], color="black", lw=1.1, ls=(0, (5, 3)), label=f"mean ± standard error from strain {since:g} on"
+        )
+        axes.axvline(since, 0.06, 0.72, color="0.6", lw=1, ls=":")
+        axes.set_xlim(0, last)
+        axes.legend(loc="upper left", fontsize=9.2)
+    axes.set(ylim=(0, 1.42 * top), xlabel="shear strain [1]", ylabel="friction: shear stress / normal stress [1]")
+    note = f"line: mean of the runs, averaged over strain {SMOOTH_STRAIN:g}; band: least to greatest run"
+    axes.text(0.02, 0.02, note, transform=axes.transAxes, fontsize=8.5, color="0.3")
+    axes.set_title("(a) friction of the sheared layer")
+
+
+def published_rows():
+    """(dimension, friction, label, kind, round or angular, remark, values) of the checked references, unsorted.
+
+    Values of one source and condition share a row; the friction is their mean.
+    """
+    rows = {}
+    for r in lsm.references():
+        if r["note"] == "unchecked":
+            continue
+        still = "rotation suppressed" in r["conditions"]
+        what = r["shape"].removeprefix("smooth ") + ("" if r["shape"] == "angular" else "s")
+        label = f"{what} {r['dimension']}D, {r['source']}"
+        rows.setdefault((r["dimension"], label, r["kind"], still), []).append(r["mu"])
+    return [
+        (d, float(np.mean(mu)), label, kind, "angular" if "angular" in label else "sphere", still, mu)
+        for (d, label, kind, still), mu in rows.items()
+    ]
+
+
+def _draw_published(axes, found):
+    """Steady friction of this run beside published values, sorted by dimension, then by friction."""
+    rows = published_rows()
+    rows += [
+        (2, e.mean, f"{_name(s).removesuffix(' grains')} 2D, this run", "this run", s, False, e)
+        for s, e in found.items()
+    ]
+    rows.sort(key=lambda row: row[:3], reverse=True)
+    for y, (_, mean, _, kind, shape, still, values) in enumerate(rows):
+        colour = COLOUR[shape]
+        if kind == "this run":
+            axes.axhspan(y - 0.5, y + 0.5, color=colour, alpha=0.14, lw=0)
+            axes.errorbar(mean, y, xerr=values.standard_error, fmt="o", color=colour, ms=5.5, capsize=5, elinewidth=2)
+            continue
+        face = colour if kind == "laboratory" else "white"
+        axes.plot(values, [y] * len(values), "s" if face == colour else "D", color=colour, ms=6, mfc=face, mew=1.5)
+        if still:
+            axes.text(mean - 0.02, y, "rotation suppressed", ha="right", va="center", fontsize=8.5, color="0.3")
+    axes.set_yticks(range(len(rows)), [row[2] for row in rows], fontsize=9)
+    for tick, row in zip(axes.get_yticklabels(), rows, strict=True):
+        tick.set_fontweight("bold" if row[3] == "this run" else "normal")
+    for y in range(1, len(rows)):
+        if rows[y][0] != rows[y - 1][0]:  # a line between the dimensions
+            axes.axhline(y - 0.5, color="0.6", lw=0.8)
+    axes.plot([], [], "s", color="0.3", ms=6, label="laboratory")
+    axes.plot([], [], "D", color="0.3", ms=6, mfc="white", mew=1.5, label="simulation")
+    axes.errorbar([], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="this run")
+    axes.legend(loc="lower left", handletextpad=0.4, borderaxespad=0.2)
+    axes.grid(axis="x", color="0.9")
+    axes.set_axisbelow(True)
+    axes.tick_params(axis="y", length=0)
+    axes.set(xlim=(0, 0.7), ylim=(-0.6, len(rows) - 0.4), xlabel="friction [1]")
+    axes.set_title("(b) steady friction beside published values")
+
+
+def _draw_friction(axes, sheared, params):
+    strain, bulk = sheared.shear_strain.values, sheared.friction.values
+    platen = (sheared.platen_shear_stress / sheared.platen_normal_stress).values
+    colour = COLOUR[params.shape]
+    axes.plot(strain, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
+    axes.plot(strain, _smooth(strain, bulk), color=colour, lw=1.7, label=f"bulk, mean over strain {SMOOTH_STRAIN:g}")
+    axes.plot(strain, _smooth(strain, platen), "k:", lw=1.2, label="the same at the top platen")
+    steady = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
+    label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
+    axes.plot([params.steady_from, strain[-1]], [steady.mean] * 2, "k", ls=(0, (5, 3)), lw=1.2, label=label)
+    axes.set(xlim=(0, strain[-1]), ylim=(0, 1.3 * np.nanmax(bulk)), xlabel="shear strain [1]", ylabel="friction [1]")
+    axes.legend(loc="upper left", ncols=2)
+    axes.set_title("(a) friction: shear stress / normal stress")
+
+
+def _draw_thickness(axes, sheared, colour):
+    """Thickness, and porosity as a second scale of the same curve: the volume of the grains does not change."""
+    from matplotlib.ticker import MaxNLocator
+
+    thickness = 1e3 * sheared.layer_thickness.values
+    axes.plot(sheared.shear_strain, thickness, color=colour, lw=1.3)
+    solid = float(np.mean(thickness * (1.0 - sheared.porosity.values)))
+    scales = (lambda height: 1.0 - solid / height, lambda porosity: solid / (1.0 - porosity))
+    second = axes.secondary_yaxis("right", functions=scales)
+    second.set_ylabel("porosity [1]")
+    second.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    second.spines["right"].set_visible(True)
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
+    axes.set(xlim=(0, float(sheared.shear_strain[-1])), xlabel="shear strain [1]", ylabel="layer thickness [mm]")
+    axes.set_title("(c) layer thickness and porosity")
+
+
+def _draw_energy(axes, sheared):
+    """Work done and where it went, all since shear began."""
+    since = sheared - sheared.isel(time=0)
+    strain, lost = sheared.shear_strain.values, since.dissipated_energy.values
+    work, residual = since.external_work.values, np.abs(since.energy_residual.values).max()
+    stored = (since.translational_energy + since.rotational_energy + since.elastic_energy).values
+    unit, factor = _unit(np.abs(work).max())
+    kinds = [i for i in range(lost.shape[1]) if np.any(lost[:, i])]
+    effects = [str(sheared.effect_name.values[i]).replace("_", " ").replace("coulomb", "Coulomb") for i in kinds]
+    names = [f"dissipated: {effect}" for effect in effects]
+    axes.stackplot(
+        strain, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
+    )
+    axes.plot(strain, factor * work, "k", lw=1.5, label="work of the platens")
+    axes.plot(strain, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
+    axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel=f"energy since shear began [{unit}]")
+    axes.legend(loc="upper left", reverse=True)
+    part = residual / max(float(sheared.work_throughput[-1]), 1e-300)
+    axes.set_title(f"(d) energy budget; residual at most {100 * part:.1g} % of the work")
+
+
+def _unit(greatest):
+    """(unit with prefix, factor) that brings an energy [J] to between 1 and 1000."""
+    for prefix, factor in (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9)):
+        if greatest * factor >= 1.0:
+            return prefix + "J", factor
+    return "pJ", 1e12
