@@ -76,7 +76,7 @@ def memory():
 
 def size(sim):
     """What the state of a simulation holds: fields, and bytes per grain and per slot of the list."""
-    from taichi_lsm.stepping.grain_state import bytes_per_row
+    from taichi_lsm.core.fields import bytes_per_row
 
     grains, pairs = sim.grains, sim.pairs
     return {

@@ -38,7 +38,7 @@ def triad_bandwidth(turns=5):
 
 def row_bytes(variables, sizes, times):
     """Bytes that these rows of the schema take, each as often as `times` {name: factor} says."""
-    from taichi_lsm.stepping.grain_state import bytes_per_row
+    from taichi_lsm.core.fields import bytes_per_row
 
     return sum(times.get(v.name, 0) * bytes_per_row([v], sizes) for v in variables)
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .bonds.bond_network import bond_rate, checked_bonds
+from .bonds.bond_setup import bond_rate, checked_bonds
 from .boundaries.periodic_cell import check_box, check_shear
 from .boundaries.plane_walls import check_walls
 from .contact.surface_kinds import CURVED, kind_of
 from .core.errors import InputError
+from .core.fields import spin_size, turn_size
 from .effects import Bodies, Effect
-from .stepping.grain_state import spin_size, turn_size
 from .stepping.guards import Guards
 from .stepping.verlet import OnsetVerlet
 

@@ -6,12 +6,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from .bonds.bond_network import Bonds, FreedContacts, bond_law
+from .bonds.bond_network import Bonds, FreedContacts
+from .bonds.bond_setup import bond_law
 from .boundaries.periodic_cell import Domain
 from .boundaries.plane_walls import Walls
 from .boundaries.platens import Platens
 from .contact.error_flags import Faults
-from .contact.neighbour_search import NeighbourList, NeighbourSearch, grown
+from .contact.neighbour_list import NeighbourList, grown
+from .contact.neighbour_search import NeighbourSearch
 from .contact.pair_geometry import PairGeometry
 from .contact.pair_storage import Pairs
 from .contact.part_table import PartTable

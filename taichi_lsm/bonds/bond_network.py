@@ -7,11 +7,11 @@ persistent ids, so that the bits depend neither on threads nor on where the grai
 import numpy as np
 
 from ..contact.pair_storage import TOUCHING
-from ..core.errors import InputError
-from ..core.rotation import rotate, torque_of
+from ..core.fields import allocate, spin_size, turn_size
+from ..core.rotation import inverse, product, rotate, torque_of
 from ..core.runtime import ti, when_allocated
 from ..core.schema import Variable
-from ..stepping.grain_state import allocate, spin_size, turn_size
+from .bond_setup import bond_branches, bond_numbers
 
 BOND_ROWS = (
     Variable("first", ("bond",), "i32", "1", "persistent number of the first grain, the lower one", True),
@@ -28,95 +28,6 @@ BOND_ROWS = (
     Variable("stiffness", ("bond", "four"), "f64", "1", "of tension, shear [N m-1], bending and torsion [N m]"),
     Variable("strength", ("bond", "four"), "f64", "1", "in tension, shear [N], bending and torsion [N m]"),
 )
-
-
-@ti.func
-def product(a, b):
-    """Turn b followed by turn a: unit complex numbers (2D) or quaternions."""
-    if ti.static(a.n == 2):
-        return ti.Vector([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
-    else:
-        u, v = ti.Vector([a[1], a[2], a[3]]), ti.Vector([b[1], b[2], b[3]])
-        w = a[0] * v + b[0] * u + u.cross(v)
-        return ti.Vector([a[0] * b[0] - u.dot(v), w[0], w[1], w[2]])
-
-
-@ti.func
-def inverse(turn):
-    """The turn that undoes another one."""
-    result = -turn
-    result[0] = turn[0]
-    return result
-
-
-def checked_bonds(pairs, effects, count):
-    """Bonds (m, 2) of `count` grains with the lower id first, sorted, or None for none.
-
-    Raises InputError if they make no sense, or if the effects hold a law of bonds and there are none or the reverse.
-    """
-    if (bond_law(effects) is None) != (pairs is None):
-        raise InputError(
-            "Scene.bonds: a law of bonds in Scene.effects and bonded grains, must be given both or neither"
-        )
-    if pairs is None:
-        return None
-    pairs = np.asarray(pairs)
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or len(pairs) == 0 or pairs.dtype.kind not in "iu":
-        raise InputError(f"Scene.bonds: {pairs.dtype} array of shape {pairs.shape}, must be integers (m, 2), m > 0")
-    if pairs.min() < 0 or pairs.max() >= count:
-        raise InputError(f"Scene.bonds: grains {pairs.min()}..{pairs.max()}, must be 0..{count - 1}")
-    pairs = np.sort(pairs.astype(np.int32), axis=1)
-    same = pairs[:, 0] == pairs[:, 1]
-    if same.any():
-        raise InputError(f"Scene.bonds: grain {pairs[same][0, 0]} is bonded to itself, a bond needs two grains")
-    unique = np.unique(pairs, axis=0)
-    if len(unique) < len(pairs):
-        raise InputError(f"Scene.bonds: {len(pairs) - len(unique)} bonds are given twice, each may be listed once")
-    return unique
-
-
-def bond_branches(scene):
-    """Vectors (m, dim) [m] from the first grain of each bond to the nearest image of the second, at the start."""
-    d = scene.position[scene.bonds[:, 1]] - scene.position[scene.bonds[:, 0]]
-    for axis, (length, periodic) in enumerate(zip(scene.lengths, scene.periodic, strict=True)):
-        if periodic:
-            d[:, axis] -= length * np.round(d[:, axis] / length)
-    return d
-
-
-def bond_numbers(scene):
-    """(stiffness (m, 4), strength (m, 4), length (m,) [m]) of the bonds of a scene."""
-    law = bond_law(scene.effects)
-    length = np.linalg.norm(bond_branches(scene), axis=1)
-    apart = length > 1e-6 * scene.scale[scene.bonds].max(axis=1)
-    if not apart.all():
-        raise InputError(f"Scene.bonds: grains {scene.bonds[~apart][0].tolist()} lie on each other, must be apart")
-    radius = 0.25 * scene.scale[scene.bonds].sum(axis=1)
-    depth = scene.thickness if scene.dim == 2 else None
-    return law.bond_stiffness(radius, length, depth), law.bond_strength(radius, depth), length
-
-
-def bond_law(effects):
-    """The law of the bonds, None if there is none."""
-    return next((e for e in effects if e.phase == "bond"), None)
-
-
-def bond_rate(scene):
-    """Bound on the square of the angular frequencies of the bonds [s-2].
-
-    The energy of a bond is at most twice the sum of what either grain's motion alone would give; so is omega^2 at most
-    twice the greatest sum over the bonds of a grain. Grains on platens do not move by bonds.
-    """
-    stiffness, _, length = bond_numbers(scene)
-    mass, inertia = scene.masses()
-    tension, shear, bend, twist = stiffness.T
-    rate = np.zeros(len(mass))
-    for end in (0, 1):
-        k = scene.bonds[:, end]
-        m, least = mass[k], inertia[k].min(axis=1)
-        turning = shear * (1.0 / m + 0.25 * length**2 / least) + np.maximum(bend, twist) / least
-        np.add.at(rate, k, np.maximum(tension / m, turning))
-    return 2.0 * float(rate[scene.platen < 0].max(initial=0.0))
 
 
 @ti.data_oriented
@@ -303,18 +214,3 @@ class FreedContacts:
                     gain += law.contact_energy(contact, 0)
         return gain
 
-
-def fragments(sim):
-    """Fragment (n,) of every grain, numbered from 0: grains that intact bonds join, directly or through others.
-
-    sim: a simulation; in one without bonds every grain is a fragment of its own.
-    """
-    from scipy.sparse import coo_array  # takes a while to load
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(sim)
-    if sim.bonds is None:
-        return np.arange(count)
-    pairs = sim.scene.bonds[sim.bonds.intact.to_numpy() == 1]
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
-    return connected_components(links, directed=False)[1]

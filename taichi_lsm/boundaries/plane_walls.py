@@ -11,10 +11,10 @@ import numpy as np
 from ..contact.error_flags import WALL
 from ..contact.pair_storage import ACTING, KICKED, SLIDING, TOUCHING
 from ..core.errors import InputError
+from ..core.fields import allocate
 from ..core.rotation import spin_velocity, torque_of, turned
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
-from ..stepping.grain_state import allocate
 
 BLOCK = 64  # ids that share a mark: only marked ones are looked through for the sums over a wall
 WALL_ROWS = [

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from ..core.fields import allocate, fill_rows, rounded_capacity
 from ..core.rotation import rotate, unrotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
-from ..stepping.grain_state import allocate, fill_rows, rounded_capacity
 from .error_flags import OVERLAP
 from .feature_pairs import around, core_point, stationary_normal
 from .primitives import ROUND_CAP

@@ -6,10 +6,10 @@ twice and those that none covers do not count: only cones that tile keep the ene
 
 import numpy as np
 
+from ..core.fields import allocate, fill_rows, rounded_capacity
 from ..core.rotation import rotate, unrotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
-from ..stepping.grain_state import allocate, fill_rows, rounded_capacity
 from .error_flags import OVERLAP
 from .primitives import ROUND_CAP, sphere_overlap
 

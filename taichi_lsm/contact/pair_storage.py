@@ -1,8 +1,8 @@
 """What a listed pair of grains stores: partner, force, cached features and the history of its effects."""
 
+from ..core.fields import allocate, bytes_per_row, rounded_capacity, spin_size
 from ..core.runtime import ti
 from ..core.schema import Variable
-from ..stepping.grain_state import allocate, bytes_per_row, rounded_capacity, spin_size
 
 PART_BASE = 2**15  # of `part_code`: more parts than any grain has
 # Bits of `status`.

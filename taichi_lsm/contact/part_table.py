@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from ..core.fields import allocate, fill_rows, rounded_capacity, turn_size
 from ..core.rotation import rotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
-from ..stepping.grain_state import allocate, fill_rows, rounded_capacity, turn_size
 
 SHAPE_ROWS = [
     Variable("first", ("shape",), "i32", "1", "first part of the shape"),

@@ -1,5 +1,6 @@
 """Rotations in 2D (unit complex number, one spin) and 3D (unit quaternion w, x, y, z; spin in the world frame)."""
 
+
 from .runtime import ti
 
 
@@ -130,3 +131,22 @@ def linear_turn(turn, angle):
         v = ti.Vector([turn[1], turn[2], turn[3]])
         u = 0.5 * (turn[0] * angle + angle.cross(v))
         return ti.Vector([-0.5 * angle.dot(v), u[0], u[1], u[2]])
+
+
+@ti.func
+def product(a, b):
+    """Turn b followed by turn a: unit complex numbers (2D) or quaternions."""
+    if ti.static(a.n == 2):
+        return ti.Vector([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+    else:
+        u, v = ti.Vector([a[1], a[2], a[3]]), ti.Vector([b[1], b[2], b[3]])
+        w = a[0] * v + b[0] * u + u.cross(v)
+        return ti.Vector([a[0] * b[0] - u.dot(v), w[0], w[1], w[2]])
+
+
+@ti.func
+def inverse(turn):
+    """The turn that undoes another one."""
+    result = -turn
+    result[0] = turn[0]
+    return result

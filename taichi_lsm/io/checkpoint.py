@@ -11,11 +11,11 @@ import numpy as np
 
 from ..boundaries.periodic_cell import SHEAR_ROWS
 from ..boundaries.plane_walls import WALL_ROWS
-from ..contact.neighbour_search import grown
+from ..contact.neighbour_list import grown
 from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError
+from ..core.fields import rounded_capacity
 from ..core.schema import Variable
-from ..stepping.grain_state import rounded_capacity
 
 FORMAT = 1
 COUNTERS = ("step", "rebuilds")

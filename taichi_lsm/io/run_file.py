@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.atomic_netcdf import write_atomically
+from ..core.schema import Variable
 from .netcdf_variables import (
     checked_array,
     netcdf_type,
@@ -236,3 +237,20 @@ class RunWriter:
         for name in (*self.auxiliary, *(n for n in self.variables if n not in self.auxiliary)):
             extra, coordinates = self.extra.get(name, ()), () if name in self.auxiliary else attached
             put_variable(dataset, self.variables[name], self._stored[name], extra, coordinates)
+ENERGY_ROWS = [
+    Variable("translational_energy", ("time",), "f64", "J", "kinetic energy of translation, Eq. (23)"),
+    Variable("rotational_energy", ("time",), "f64", "J", "kinetic energy of rotation, Eq. (23)"),
+    Variable("elastic_energy", ("time",), "f64", "J", "energy stored in the contacts, Eq. (24)"),
+    Variable("shadow_correction", ("time",), "f64", "J", "shadow energy of the integrator less the energy"),
+    Variable("total_energy", ("time",), "f64", "J", "sum of the three energies, Eq. (22)"),
+]
+
+
+def write_energies(path, series, attributes):
+    """Write energy.nc. series: dict of arrays over time, time [s] and the terms [J] but for the total."""
+    writer = RunWriter(path, ENERGY_ROWS, attributes)
+    for i, moment in enumerate(series["time"]):
+        row = {v.name: series[v.name][i] for v in ENERGY_ROWS[:-1]}
+        total = row["translational_energy"] + row["rotational_energy"] + row["elastic_energy"]
+        writer.append({"time": moment, "total_energy": total, **row})
+    writer.close("complete")

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 
-from ..bonds.bond_network import fragments
+from ..bonds.fragments import fragments
 from ..core.errors import SimulationError
 from ..core.schema import Variable
 from .energy_budget import energies

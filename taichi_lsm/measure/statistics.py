@@ -1,12 +1,9 @@
 """Means of steady shear with honest standard errors; plain functions on xarray objects."""
 
-import csv
 import math
 from typing import NamedTuple
 
 import numpy as np
-
-from ..core.data_files import data_path
 
 # Fewer samples do not show their own correlation, so that every error made from them would be a guess.
 LEAST_SAMPLES = 10
@@ -80,26 +77,6 @@ def combine_replicas(means, standard_errors=None):
 def difference(a, b):
     """Estimate a minus estimate b of independent runs: the error is sqrt(se_a^2 + se_b^2)."""
     return Estimate(a.mean - b.mean, math.hypot(a.standard_error, b.standard_error))
-
-
-def open_run(path):
-    """A file of this package as an xarray.Dataset in memory: a run that goes on may rewrite it meanwhile."""
-    import xarray
-
-    return xarray.load_dataset(path)
-
-
-def references():
-    """Published friction coefficients: a list of dicts, one per row of data/friction_references.csv.
-
-    source, conditions, shape, kind (laboratory | simulation), reference, note: text; year, dimension: int;
-    mu [1]: float, shear stress over normal stress in steady sliding. A note "unchecked" must not be cited.
-    """
-    with open(data_path("friction_references.csv"), encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        row.update(year=int(row["year"]), dimension=int(row["dimension"]), mu=float(row["mu"]))
-    return rows
 
 
 def _samples(series, from_strain):

@@ -9,7 +9,6 @@ from .ellipses import ellipse, superellipse
 from .laguerre_tiles import laguerre_tiles, pave_volume
 from .meshes import Misfit, from_mesh
 from .outlines import from_outline, outline_of_image
-from .paving import pave
 from .polygon_fit import arc_chain, from_polygon, regular_disc_of_arcs
 from .polyhedra import (
     ellipsoid,
@@ -22,7 +21,7 @@ from .polyhedra import (
 from .random_polygons import random_polygons
 from .storage import load_shapes, save_shapes
 from .union import Union, cross, placed, union
-from .voronoi_grains import random_angular_shapes, regular_polygon
+from .voronoi_grains import pave, random_angular_shapes, regular_polygon
 from .voronoi_tiles import PolygonMeasures, polygon_measures, voronoi_tiles
 
 # the seed's constructor by its natural name; the base class itself cannot know its subclasses

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arc_chain import ArcChain
-from .paving import fitted_grain
+from .voronoi_grains import fitted_grain
 from .voronoi_tiles import voronoi_tiles
 
 TILES = 4  # tiles of the plane per piece that is taken from it

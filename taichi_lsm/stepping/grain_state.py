@@ -1,60 +1,11 @@
 """The state of the grains, allocated from schema rows."""
 
-from types import SimpleNamespace
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.runtime import current, ti, when_allocated
+from ..core.fields import NUMPY_TYPES, allocate, rounded_capacity, spin_size, turn_size
+from ..core.runtime import ti, when_allocated
 from ..core.schema import Variable
-
-NUMPY_TYPES = {ti.f64: np.float64, ti.f32: np.float32, ti.i32: np.int32, ti.i8: np.int8}
-MANY_ROWS = 200_000
-
-
-def spin_size(dim):
-    """Components of an angular velocity: one in 2D, three in 3D."""
-    return 1 if dim == 2 else 3
-
-
-def turn_size(dim):
-    """Components of an orientation: unit complex number in 2D, unit quaternion in 3D."""
-    return 2 if dim == 2 else 4
-
-
-def rounded_capacity(count):
-    """Capacity for `count` rows, rounded up to 1/8 of a power of two, of many rows to 1/64.
-
-    Compiled kernels are cached by the shapes of their fields; rounding lets runs of similar size share them. Where
-    there are many rows, memory matters more than the seconds of compiling.
-    """
-    finer = 4 if count <= MANY_ROWS else 7
-    step = max(8, 1 << max(0, int(count).bit_length() - finer))
-    return -(-max(1, int(count)) // step) * step
-
-
-def allocate(variables, capacity, sizes):
-    """Taichi fields for schema rows, as attributes of the returned namespace.
-
-    The first dimension of each row is the element index (`capacity` rows); the product of the other dimensions,
-    looked up in `sizes`, is the length of the vector stored per element; without others the field is scalar.
-    """
-    dtypes = {"real": current().real, "f64": ti.f64, "i32": ti.i32, "i8": ti.i8}
-    fields = SimpleNamespace()
-    for variable in variables:
-        dtype = dtypes[variable.dtype]
-        if len(variable.dims) > 1:
-            width = int(np.prod([sizes[d] for d in variable.dims[1:]]))
-            setattr(fields, variable.name, ti.Vector.field(width, dtype, capacity))
-        else:
-            setattr(fields, variable.name, ti.field(dtype, capacity))
-    return fields
-
-
-def bytes_per_row(variables, sizes):
-    """Bytes that one element of these rows takes, at the precision of this process."""
-    width = {"real": 8 if current().real == ti.f64 else 4, "f64": 8, "i32": 4, "i8": 1}
-    return sum(width[v.dtype] * int(np.prod([sizes[d] for d in v.dims[1:]], dtype=int)) for v in variables)
 
 
 def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=False, several=False, sheared=False):
@@ -181,11 +132,3 @@ class Grains:
         previous[: len(self)] = order
         self.previous_slot.from_numpy(previous)
 
-
-def fill_rows(field, values):
-    """Write the first rows of a field; the others keep what they hold. Raises InputError if they do not fit."""
-    raw = field.to_numpy()
-    if len(values) > len(raw):
-        raise InputError(f"shapes: {len(values)} rows of the shape table, there is room for {len(raw)}")
-    raw[: len(values)] = values
-    field.from_numpy(raw)

@@ -6,7 +6,8 @@ import pytest
 import taichi_lsm as lsm
 from taichi_lsm.boundaries.periodic_cell import Domain
 from taichi_lsm.contact import neighbour_search
-from taichi_lsm.contact.neighbour_search import ROOM, SORT_INTERVAL, NeighbourList, NeighbourSearch, grown, morton_code
+from taichi_lsm.contact.neighbour_list import NeighbourList, grown
+from taichi_lsm.contact.neighbour_search import ROOM, SORT_INTERVAL, NeighbourSearch, morton_code
 from taichi_lsm.contact.pair_storage import Pairs
 from taichi_lsm.stepping.grain_state import Grains, grain_variables
 from tests.helpers import scenes

@@ -5,8 +5,7 @@ import tomllib
 
 import pytest
 
-from taichi_lsm.core.data_files import data_path
-from taichi_lsm.measure.statistics import references
+from taichi_lsm.core.data_files import data_path, references
 
 COLUMNS = ["source", "year", "conditions", "dimension", "shape", "mu", "kind", "reference", "note"]
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from taichi_lsm.core.fields import spin_size, turn_size
 from taichi_lsm.core.rotation import rotate, spin_velocity, torque_of, turned, unrotate
 from taichi_lsm.core.runtime import ti
-from taichi_lsm.stepping.grain_state import spin_size, turn_size
 
 COUNT = 1000
 

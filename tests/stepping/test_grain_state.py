@@ -6,7 +6,8 @@ import pytest
 import taichi_lsm as lsm
 from taichi_lsm.contact.arc_chains import ChainTable
 from taichi_lsm.contact.pair_storage import pair_variables
-from taichi_lsm.stepping.grain_state import Grains, bytes_per_row, grain_variables, rounded_capacity
+from taichi_lsm.core.fields import bytes_per_row, rounded_capacity
+from taichi_lsm.stepping.grain_state import Grains, grain_variables
 from tests.helpers import scenes
 
 REAL = 8 if scenes.PRECISION == "f64" else 4

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.core.fields import bytes_per_row, spin_size, turn_size
 from taichi_lsm.effects import find_effects
-from taichi_lsm.stepping.grain_state import bytes_per_row, spin_size, turn_size
 from taichi_lsm.stepping.kernel_spec import MakeUp
 from tests.helpers import scenes
 

@@ -1,0 +1,102 @@
+"""The neighbour list: half of all pairs in rows, and its transpose."""
+
+from ..core.runtime import ti
+from .pair_storage import Pairs
+
+
+@ti.data_oriented
+class NeighbourList:
+    """Writes the half list (each pair at its lower id) and its transpose into the storage of the pairs.
+
+    The order of the list depends on persistent ids only: neither threads nor slots nor the time of a rebuild can
+    change the bits of a sum over contacts. Pairs that stay listed keep their memory.
+    """
+
+    def __init__(self, search, pairs):
+        self.search, self.pairs, self.grains = search, pairs, search.grains
+        self.serial = search.serial
+
+    @ti.kernel
+    def write(self):
+        """Write the list for the positions that the search has just counted."""
+        g, p = self.grains, self.pairs
+        n = g.count[None]
+        ti.loop_config(serialize=self.serial)
+        for k in range(n):
+            for s in range(p.row_start[k], p.row_start[k + 1]):
+                p.keep(s)
+        ti.loop_config(serialize=True)
+        for k in range(n + 1):
+            p.old_start[k] = p.row_start[k]
+        ti.loop_config(serialize=True)
+        for k in range(n):
+            p.row_start[k + 1] = p.row_start[k] + self.search.row_count[k]
+        ti.loop_config(serialize=self.serial)
+        for k in range(n):
+            first = p.row_start[k]
+            self.search.visit(k, first, p, True)
+            g.built_position[k] = g.position[k]
+            if ti.static(self.search.domain.sheared):
+                self.search.domain.built_strain[0] = self.search.domain.strain[0]
+            if ti.static(p.several):
+                g.built_orientation[k] = g.orientation[k]
+            old = g.previous_slot[k]
+            o = p.old_start[old]
+            end = p.old_start[old + 1]
+            for s in range(first, p.row_start[k + 1]):  # both rows rise in partner id and part: a merge
+                p.first[s] = k
+                order = -1
+                while o < end and order < 0:
+                    order = p.rank(o, s)
+                    if order < 0:
+                        o += 1
+                match = -1
+                if o < end and order == 0:
+                    match = o
+                p.restore(s, match)
+            g.previous_slot[k] = k
+        ti.loop_config(serialize=self.serial)
+        for k in range(n):
+            for s in range(p.row_start[k], p.row_start[k + 1]):
+                p.clear_forces(s)
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.transpose()
+
+    @ti.kernel
+    def transpose_only(self):
+        """Write the transpose of rows that are there already."""
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.transpose()
+
+    @ti.func
+    def transpose(self):
+        g, p = self.grains, self.pairs
+        n = g.count[None]
+        for k in range(n + 1):
+            p.cursor[k] = 0
+        for s in range(p.row_start[n]):
+            l = p.partner[s]
+            p.cursor[l] = p.cursor[l] + 1
+        for k in range(n):
+            p.column_start[k + 1] = p.column_start[k] + p.cursor[k]
+            p.cursor[k] = p.column_start[k]
+        for i in range(n):  # rows in rising id, so that each column rises in the id of the first grain
+            k = g.slot_of[i]
+            for s in range(p.row_start[k], p.row_start[k + 1]):
+                l = p.partner[s]
+                p.column[p.cursor[l]] = s
+                p.cursor[l] = p.cursor[l] + 1
+
+
+def grown(pairs, dim, grain_capacity, rotates, capacity):
+    """Larger storage with the rows of `pairs` copied, so that a rebuild can carry their memory over."""
+    kind, history, onset, several = pairs.kind, pairs.history_size, pairs.onset, pairs.several
+    larger = Pairs(dim, grain_capacity, capacity, rotates, kind, history, onset, several)
+    for name in ["row_start"] + [v.name for v in pairs.variables]:
+        raw = getattr(larger, name).to_numpy()
+        small = getattr(pairs, name).to_numpy()
+        raw[: len(small)] = small
+        getattr(larger, name).from_numpy(raw)
+    return larger
