@@ -184,8 +184,9 @@ class Simulation:
         )
         self.forces = ContactForces(geometry, self.domain, self.effects, self.walls, self.bonds)
         self.freed = FreedContacts(self.bonds, self.forces) if self.bonds else None
-        former, self.integrator = self.integrator, self.scene.integrator(
-            self.forces, self.platens, self.skin, self._dt, self.crew
+        former, self.integrator = (
+            self.integrator,
+            self.scene.integrator(self.forces, self.platens, self.skin, self._dt, self.crew),
         )
         if former:
             self.integrator.go_on_from(former)

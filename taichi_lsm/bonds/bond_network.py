@@ -213,4 +213,3 @@ class FreedContacts:
                 else:
                     gain += law.contact_energy(contact, 0)
         return gain
-

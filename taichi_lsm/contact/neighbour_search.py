@@ -228,4 +228,3 @@ def morton_code(cell):
         for axis in range(dim):
             code |= ((cell[:, axis].astype(np.uint64) >> np.uint64(bit)) & np.uint64(1)) << np.uint64(bit * dim + axis)
     return code
-

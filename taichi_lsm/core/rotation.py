@@ -1,6 +1,5 @@
 """Rotations in 2D (unit complex number, one spin) and 3D (unit quaternion w, x, y, z; spin in the world frame)."""
 
-
 from .runtime import ti
 
 

@@ -237,6 +237,8 @@ class RunWriter:
         for name in (*self.auxiliary, *(n for n in self.variables if n not in self.auxiliary)):
             extra, coordinates = self.extra.get(name, ()), () if name in self.auxiliary else attached
             put_variable(dataset, self.variables[name], self._stored[name], extra, coordinates)
+
+
 ENERGY_ROWS = [
     Variable("translational_energy", ("time",), "f64", "J", "kinetic energy of translation, Eq. (23)"),
     Variable("rotational_energy", ("time",), "f64", "J", "kinetic energy of rotation, Eq. (23)"),

@@ -1,6 +1,5 @@
 """The state of the grains, allocated from schema rows."""
 
-
 import numpy as np
 
 from ..core.fields import NUMPY_TYPES, allocate, rounded_capacity, spin_size, turn_size
@@ -131,4 +130,3 @@ class Grains:
         previous = np.arange(self.slot_of.shape[0], dtype=np.int32)
         previous[: len(self)] = order
         self.previous_slot.from_numpy(previous)
-

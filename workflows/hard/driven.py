@@ -45,9 +45,7 @@ def presses():
         position += [seat + at, row + at + (0.0, LIFT * (name == "flying"))]
         platen += [[0, 0, -1], [p + 1] * GLUED]
     nominal = STIFFNESS * GLUED / 2.0
-    drives = [
-        lsm.ServoStress(STRESS, 1, share * nominal, GLUED * MASS, SPEED_LIMIT) for share in PRESSES.values()
-    ]
+    drives = [lsm.ServoStress(STRESS, 1, share * nominal, GLUED * MASS, SPEED_LIMIT) for share in PRESSES.values()]
     platens = [lsm.Platen("base", [lsm.Fixed(), lsm.Fixed()])]
     platens += [lsm.Platen(name, [lsm.Fixed(), drive]) for name, drive in zip(PRESSES, drives, strict=True)]
     return scene_of(

@@ -35,9 +35,7 @@ def impact(speed, offset=0.0, spin=(0.0, 0.0), gap=0.01, **more):
     """Two discs that fly at each other along x, the second higher by `offset` [m]."""
     ahead = math.sqrt(1.0 - offset**2) + gap
     velocity = 0.5 * speed * np.array([(1.0, 0.0), (-1.0, 0.0)])
-    return scene(
-        [(0.0, FAR), (ahead, FAR + offset)], velocity=velocity, spin=np.array(spin, float)[:, None], **more
-    )
+    return scene([(0.0, FAR), (ahead, FAR + offset)], velocity=velocity, spin=np.array(spin, float)[:, None], **more)
 
 
 def resting(**more):
