@@ -31,7 +31,11 @@ bench-full: .venv/.installed
 	$(BIN)/python -m benchmarks.all --full --install-lammps
 
 lint: .venv/.installed-dev
-	$(BIN)/python -m ruff check .
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/basedpyright --level error
+	$(BIN)/typos
 
 clean:
 	rm -rf .venv

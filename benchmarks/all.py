@@ -29,10 +29,10 @@ def compare(full):
 
 def grow(full):
     """Number of grains and memory: (results, blocks)."""
-    rows, figures = sizes.measure(full, TURNS)
+    rows, metrics = sizes.measure(full, TURNS)
     named = {f"size_{tag}": row for tag, row in rows.items()}
-    claimed = f"\n\n{bounds.table(figures)}" if figures else ""
-    return named | figures, {"sizes": sizes.table(rows) + claimed}
+    claimed = f"\n\n{bounds.table(metrics)}" if metrics else ""
+    return named | metrics, {"sizes": sizes.table(rows) + claimed}
 
 
 def cut(full):
@@ -43,31 +43,31 @@ def cut(full):
 
 def spread(full):
     """An empty domain: (results, blocks)."""
-    figures, _ = empty.measure(empty.SCENES, TURNS)
-    return figures, {"empty": bounds.table(figures)}
+    metrics, _ = empty.measure(empty.SCENES, TURNS)
+    return metrics, {"empty": bounds.table(metrics)}
 
 
 def begin(full):
     """Seconds to the first step: (results, blocks). In 3D once, with `full`: a cold start takes minutes there."""
-    figures, table = start.measure(start.FLAT, TURNS)
+    metrics, table = start.measure(start.FLAT, TURNS)
     if full:
         more, solid = start.measure(start.SOLID, 1)
-        figures, table = figures | more, f"{table}\n\n{solid}"
-    return figures, {"start": table}
+        metrics, table = metrics | more, f"{table}\n\n{solid}"
+    return metrics, {"start": table}
 
 
 def write(full):
     """Diagnostics and files: (results, blocks)."""
-    figures, seconds = output_cost.measure(output_cost.SHAPES)
-    return figures, {"output": f"{output_cost.table(seconds)}\n\n{bounds.table(figures)}"}
+    metrics, seconds = output_cost.measure(output_cost.SHAPES)
+    return metrics, {"output": f"{output_cost.table(seconds)}\n\n{bounds.table(metrics)}"}
 
 
 def choose(full):
     """Effects: (results, blocks). With 100 000 grains, on two threads, too if `full`."""
     found = effects.costs(TURNS)
-    figures = effects.ratios(TURNS, effects.SIZES if full else effects.SIZES[:1])
+    metrics = effects.ratios(TURNS, effects.SIZES if full else effects.SIZES[:1])
     named = {f"effect_{name}": row for name, row in found.items()}
-    return named | figures, {"effects": f"{effects.table(found)}\n\n{bounds.table(figures)}"}
+    return named | metrics, {"effects": f"{effects.table(found)}\n\n{bounds.table(metrics)}"}
 
 
 PARTS = {"compare": compare, "sizes": grow, "empty": spread, "start": begin, "output": write, "shapes": cut}

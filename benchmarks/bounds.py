@@ -8,9 +8,9 @@ def figure(value, unit, most):
     return {"value": value, "unit": unit, "bound": most, "holds": bool(value <= most)}
 
 
-def table(figures):
+def table(metrics):
     """Markdown table of figures {name: figure}."""
     lines = page.head("figure", "value", "unit", "at most", "holds")
-    for name, f in figures.items():
+    for name, f in metrics.items():
         lines.append(page.row(name, f"{f['value']:.3g}", f["unit"], f"{f['bound']:g}", "yes" if f["holds"] else "NO"))
     return "\n".join(lines)

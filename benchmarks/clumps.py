@@ -121,7 +121,7 @@ def layer(clumps):
     return low + 0.25 * (high - low), high - 0.25 * (high - low)
 
 
-def figures(sim, clumps):
+def metrics(sim, clumps):
     """What `lammps_clumps.run` gives too: contacts of mobile grains with others, normal stress, energy, mass."""
     low, high = layer(clumps)
     area = clumps.box[0] * clumps.box[2]

@@ -95,7 +95,9 @@ def machine():
 
 def table(found):
     """Markdown table of `costs`."""
-    lines = page.head("law", "ns per grain and step", "fields", "bytes per grain", "per pair", "adds ns", "adds bytes")
+    lines = page.head(
+        "effect", "ns per grain and step", "fields", "bytes per grain", "per pair", "adds ns", "adds bytes"
+    )
     for name, row in found.items():
         bytes_added = f"{row['added_bytes_per_grain']} + {row['added_bytes_per_pair']}"
         numbers = (row["fields"], row["bytes_per_grain"], row["bytes_per_pair"])
@@ -105,13 +107,13 @@ def table(found):
 
 def ratios(turns, sizes):
     """Figures with bounds: what leaving effects out gains, in scenes of `sizes` (grains, threads)."""
-    figures = {}
+    metrics = {}
     for grains, threads in sizes:
         tags = [f"S3_{grains}:linear_elastic", f"S2_{grains}:coulomb_friction", f"S3_{grains}:coulomb_friction"]
-        *cheap, dear = (ns for ns, _ in in_turn(tags, turns, threads).values())
+        *cheap, expensive = (ns for ns, _ in in_turn(tags, turns, threads).values())
         for (name, most), ns in zip(FEWER.items(), cheap, strict=True):
-            figures[f"{name}_{grains}_{threads}t"] = bounds.figure(ns / dear, "1", most)
-    return figures
+            metrics[f"{name}_{grains}_{threads}t"] = bounds.figure(ns / expensive, "1", most)
+    return metrics
 
 
 def main():
@@ -123,9 +125,9 @@ def main():
     found = costs(args.turns)
     print(table(found))
     if args.save:
-        laws = {name: {k: row[k] for k in row if k.startswith("added")} for name, row in found.items()}
+        effects = {name: {k: row[k] for k in row if k.startswith("added")} for name, row in found.items()}
         about = {"scene": "S3_1000, double precision, one thread", "machine": machine()}
-        SAVED.write_text(json.dumps({"about": about, "laws": laws}, indent=1) + "\n", encoding="ascii")
+        SAVED.write_text(json.dumps({"about": about, "effects": effects}, indent=1) + "\n", encoding="ascii")
     print(f"\n{bounds.table(ratios(args.turns, SIZES))}")
 
 

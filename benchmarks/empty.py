@@ -21,7 +21,7 @@ MORE_MEMORY = 16.0  # MB: bound of the resident memory beyond that of the scene
 def measure(tags, turns):
     """Figures {name: figure} with the bounds, for each tag: ratio of the times and memory more [MB]; and the times
     [ms] themselves by name."""
-    figures, times = {}, {}
+    metrics, times = {}, {}
     for tag in tags:
         with ExitStack() as stack:
             both = [stack.enter_context(Worker(t, "f64", 1, False)) for t in (tag, f"{tag}@{LONGER}")]
@@ -32,19 +32,19 @@ def measure(tags, turns):
             near, far = (worker.ask("memory")["resident"] for worker in both)
         ratio = median(taken[1]) / median(taken[0])
         times[tag] = [1e3 * median(seconds) for seconds in taken]
-        figures[f"empty_search_{tag}"] = bounds.figure(ratio, "1", SLOWER)
-        figures[f"empty_memory_{tag}"] = bounds.figure((far - near) / 1e6, "MB", MORE_MEMORY)
-    return figures, times
+        metrics[f"empty_search_{tag}"] = bounds.figure(ratio, "1", SLOWER)
+        metrics[f"empty_memory_{tag}"] = bounds.figure((far - near) / 1e6, "MB", MORE_MEMORY)
+    return metrics, times
 
 
 def main():
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=5, help=f"turns of {SEARCHES} searches; medians are printed")
-    figures, times = measure(SCENES, parser.parse_args().turns)
+    metrics, times = measure(SCENES, parser.parse_args().turns)
     for tag, (near, far) in times.items():
         print(f"{tag}: a neighbour search takes {near:.2f} ms, {far:.2f} ms in a domain {LONGER} times as long")
-    print(bounds.table(figures))
+    print(bounds.table(metrics))
 
 
 if __name__ == "__main__":

@@ -24,9 +24,9 @@ OPERATIONS = {"fadd": "additions", "fsub": "additions", "fmul": "multiplications
 def serve(tag):
     """Compile the contacts of the scene; what Taichi writes goes to the present folder."""
     from benchmarks import scenes
-    from taichi_lsm.contact import contact_block as lanes
+    from taichi_lsm.contact import contact_block as block
 
-    lanes.WIDTH = 1
+    block.WIDTH = 1
     import taichi_lsm as lsm
     from taichi_lsm.measure.profiling import StepStages
 

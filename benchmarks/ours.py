@@ -45,11 +45,11 @@ class Worker:
         self.process.wait()
 
 
-def figures(sim, volume):
+def metrics(sim, volume):
     """What LAMMPS prints as well: contacts per mobile grain, pressure of the pairs, kinetic energies. `volume` of the
     scene: its product with the pressure is what is measured."""
     sums = sim.measure.sums(low=-1e9, high=1e9)
-    mobile = int((sim.scene.platen < 0).sum())
+    mobile = int((sim.scene.platen_index < 0).sum())
     moving = 2.0 * sums["translational_energy"]  # in the trace of our stress; LAMMPS is asked for pairs only
     return {
         "contacts_per_grain": sums["contact_ends"] / mobile,
@@ -95,10 +95,10 @@ def serve(tag, precision, threads, extras):
     if tag in clumps.TAGS:
         state, steps = clumps.load(tag), 0
         scene = clumps.build(state, clumps.relaxed(tag), extras, parallel)
-        measure = partial(clumps.figures, clumps=state)
+        measure = partial(clumps.metrics, clumps=state)
     else:
         scene, volume, steps = scenes.declared(tag, extras, parallel)
-        measure = partial(figures, volume=volume)
+        measure = partial(metrics, volume=volume)
     sim = lsm.Simulation(scene, precision=precision, threads=threads)
     sim.run(steps)
     measure(sim)  # compiles the last kernels

@@ -47,14 +47,14 @@ class Stopwatch:
 def serve(shape):
     """Run the experiment and print the seconds as JSON: of the whole, of samples, of files, of the picture."""
     import taichi_lsm as lsm
-    from taichi_lsm.stepping.monitor import Sentinel
+    from taichi_lsm.stepping.monitor import Monitor
     from workflows import shear_gouge
     from workflows.plots import run_plots as plots
 
-    samples, files, picture, looks, sums, faults = (Stopwatch() for _ in range(6))
-    looks.watch(Sentinel, "_check_grains")
-    sums.watch(Sentinel, "_check_energy")
-    faults.watch(Sentinel, "check_faults")
+    samples, files, picture, looks, sums, error_flags = (Stopwatch() for _ in range(6))
+    looks.watch(Monitor, "_check_grains")
+    sums.watch(Monitor, "_check_energy")
+    error_flags.watch(Monitor, "check_faults")
     samples.watch(lsm.ShearedLayer, "sample")
     for name in ("row", "snapshot", "__enter__", "__exit__"):
         files.watch(lsm.LayerRecorder, name)
@@ -72,7 +72,7 @@ def serve(shape):
                 "samples": samples.seconds - samples.first,
                 "count": samples.calls - 1,
                 "files": files.seconds,
-                "guards": looks.seconds - looks.first + sums.seconds - sums.first + faults.seconds,
+                "guards": looks.seconds - looks.first + sums.seconds - sums.first + error_flags.seconds,
                 "picture": picture.seconds,
             }
         )
@@ -91,12 +91,12 @@ def run(shape):
 def measure(shapes):
     """(figures with the bounds, seconds by shape)."""
     seconds = {shape: run(shape) for shape in shapes}
-    figures = {}
+    metrics = {}
     for shape, part in seconds.items():
-        figures[f"diagnostics_{shape}"] = bounds.figure(part["samples"] / part["run"], "1", DIAGNOSTICS)
-        figures[f"files_{shape}"] = bounds.figure(part["files"] / part["run"], "1", FILES)
-        figures[f"guards_{shape}"] = bounds.figure(part["guards"] / part["run"], "1", GUARDS)
-    return figures, seconds
+        metrics[f"diagnostics_{shape}"] = bounds.figure(part["samples"] / part["run"], "1", DIAGNOSTICS)
+        metrics[f"files_{shape}"] = bounds.figure(part["files"] / part["run"], "1", FILES)
+        metrics[f"guards_{shape}"] = bounds.figure(part["guards"] / part["run"], "1", GUARDS)
+    return metrics, seconds
 
 
 def table(seconds):
@@ -117,8 +117,8 @@ def main():
     if args.serve:
         serve(args.serve)
         return
-    figures, seconds = measure(SHAPES)
-    print(f"{table(seconds)}\n\n{bounds.table(figures)}")
+    metrics, seconds = measure(SHAPES)
+    print(f"{table(seconds)}\n\n{bounds.table(metrics)}")
 
 
 if __name__ == "__main__":

@@ -25,7 +25,9 @@ CORRECTIONS = 12
 def first_factor(state, shape):
     """Largest factor of the sizes at which no two bounding spheres overlap by more than half of the cap."""
     d = clumps.diameters(state)
-    reach = 2.0 * shape.bounding_radius - shape.cap_radius  # of two grains of diameter 1, half of both caps taken off
+    reach = (
+        2.0 * shape.bounding_radius - shape.overlap_limit
+    )  # of two grains of diameter 1, half of both caps taken off
     sides = [state.box[0], 1e3, state.box[2]]  # no period along y
     tree = cKDTree(np.mod(state.centre, sides), boxsize=sides)
     pairs = tree.query_pairs(1.1 * d.max() * reach, output_type="ndarray")
@@ -37,7 +39,7 @@ def first_factor(state, shape):
 
 def resize(sim, ratio):
     """Multiply all sizes of a running simulation by `ratio`; masses stay, so that the walls' do."""
-    for name in ("scale", "radius", "cap_radius"):
+    for name in ("scale", "radius", "overlap_limit"):
         row = getattr(sim.state, name)
         row.from_numpy(row.to_numpy() * ratio)
     inertia = sim.state.inverse_inertia
@@ -54,7 +56,7 @@ def grow(state, target):
     stress = 0.0
     while stress < target:
         sim.run(STAGE)
-        stress = clumps.figures(sim, state)["normal_stress"]
+        stress = clumps.metrics(sim, state)["normal_stress"]
         resize(sim, GROWTH)
         factor *= GROWTH
     return clumps.Faces(sim.state.position.to_numpy(), sim.state.orientation.to_numpy(), factor)

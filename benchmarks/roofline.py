@@ -18,7 +18,15 @@ TAGS = ("S2_10000", "S3_10000")
 STEPS = 400  # per turn
 TRIAD = 20_000_000  # numbers of each of the three arrays: 480 MB together
 # Rows of the schema that a step reads (1) or reads and writes (2), once per grain, listed pair and contact.
-GRAIN = {"position": 2, "velocity": 2, "spin": 2, "inverse_mass": 1, "inverse_inertia": 1, "radius": 1, "force": 2}
+GRAIN = {
+    "position": 2,
+    "velocity": 2,
+    "angular_velocity": 2,
+    "inverse_mass": 1,
+    "inverse_inertia": 1,
+    "radius": 1,
+    "force": 2,
+}
 GRAIN |= {"torque": 2, "built_position": 1, "platen": 1}
 PAIR = {"first": 1, "partner": 1, "status": 1}
 CONTACT = {"history": 2, "pair_force": 2, "pair_torque": 2, "status": 1}

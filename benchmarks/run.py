@@ -63,7 +63,7 @@ def measure_scene(tag, threads, precisions, turns):
         early = peer(state, threads, 0, WARM_UP) if peer else None
         for worker in workers.values():
             worker.ask(f"run {WARM_UP}")
-        figures = {c: worker.ask("measure") for c, worker in workers.items()}
+        metrics = {c: worker.ask("measure") for c, worker in workers.items()}
         for turn in range(turns):
             if peer:
                 theirs.append(peer(state, threads, WARM_UP + turn * steps, steps))
@@ -75,9 +75,9 @@ def measure_scene(tag, threads, precisions, turns):
     rows = {}
     for p in precisions:
         name = f"{tag}_{p}_{threads}t"
-        entry = {"ours": figures[p, False], "ours_end": late[p, False]} | size
+        entry = {"ours": metrics[p, False], "ours_end": late[p, False]} | size
         if peer:
-            entry |= agreement(figures[p, False], early, MARGINS[tag[0]]) | {"lammps_end": _figures(theirs[-1])}
+            entry |= agreement(metrics[p, False], early, MARGINS[tag[0]]) | {"lammps_end": _figures(theirs[-1])}
         for clock in clocks:
             mine, extras, other = (
                 [turn[clock] * 1e9 / (steps * grains) for turn in turns_of]
@@ -118,12 +118,12 @@ def times(ours, with_extras, theirs, clock=""):
     }
 
 
-def agreement(figures, other, margins):
+def agreement(metrics, other, margins):
     """The figures of both codes at one step, and whether they agree within the margins."""
     return {
-        "ours": figures,
+        "ours": metrics,
         "lammps": _figures(other),
-        "agree": all(abs(figures[name] / other[name] - 1.0) < margin for name, margin in margins.items()),
+        "agree": all(abs(metrics[name] / other[name] - 1.0) < margin for name, margin in margins.items()),
     }
 
 

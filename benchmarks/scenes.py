@@ -107,7 +107,7 @@ def declared(tag, extras=False, parallel=None):
         from benchmarks.effects import COMPOSITIONS
 
         scene.effects, scene.dt = COMPOSITIONS[composition][0], FROZEN * TIME_STEP
-        if any(law.phase == "bond" for law in scene.effects):
+        if any(effect.phase == "bond" for effect in scene.effects):
             scene.bonds = touching(state)
     return scene, float(state.box.prod()), 0
 
@@ -127,7 +127,7 @@ def _layer(dim, shape):
 
     params = shear_gouge.Params(dim=dim, shape=shape, **LAYER[dim])
     scene = shear_gouge.build(params)
-    scene.parallel, scene.integrator, scene.ledger = False, lsm.VelocityVerlet, False
+    scene.parallel, scene.integrator, scene.track_dissipation = False, lsm.VelocityVerlet, False
     thickness, lengths = params.layer
     steps = int(PACKED_AFTER * params.inertial_time / (scene.safety * scene.stable_dt()))
     return scene, thickness * float(np.prod(lengths)), steps
@@ -142,23 +142,23 @@ def build(state, extras=False, parallel=None, patches=1) -> lsm.Scene:
     dim, count = state.dim, len(state.x)
     still = [lsm.Fixed()] * dim
     shapes = [lsm.disc() if dim == 2 else lsm.sphere()]
-    turned = {}
+    orientations = {}
     if patches > 1:
         rng = np.random.default_rng(0)
         shapes.append(lsm.regular_disc_of_arcs(patches) if dim == 2 else lsm.ball_of_faces(patches, DILATION))
-        turned = {"angle" if dim == 2 else "orientation": lsm.random_rotations(rng, count, dim)}
+        orientations = {"angle" if dim == 2 else "orientation": lsm.random_rotations(rng, count, dim)}
     return lsm.Scene(
         dim=dim,
         lengths=tuple(state.box),
         periodic=(True, False, True)[:dim],
         shapes=shapes,
-        shape=np.where(state.kind == MOBILE, len(shapes) - 1, 0),
-        **turned,
+        shape_index=np.where(state.kind == MOBILE, len(shapes) - 1, 0),
+        **orientations,
         position=state.x,
-        scale=state.d,
+        diameter=state.d,
         density=1.0,
         thickness=1.0,
-        platen=np.where(state.kind == MOBILE, -1, state.kind - BOTTOM),
+        platen_index=np.where(state.kind == MOBILE, -1, state.kind - BOTTOM),
         platens=[
             lsm.Platen("bottom", still),
             lsm.Platen("top", [lsm.ConstantVelocity(WALL_SPEED), *still[1:]]),
@@ -171,6 +171,6 @@ def build(state, extras=False, parallel=None, patches=1) -> lsm.Scene:
         dt=TIME_STEP,
         skin=SKIN,
         integrator=lsm.OnsetVerlet if extras else lsm.VelocityVerlet,
-        ledger=extras,
+        track_dissipation=extras,
         parallel=parallel,
     )

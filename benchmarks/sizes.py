@@ -88,11 +88,11 @@ def bytes_per_grain(small, large):
 
 def memory_figures(pairs):
     """Bytes per grain of pairs of tags "SMALL LARGE", with the bounds: of what a run holds and of its peak."""
-    figures = {}
+    metrics = {}
     for pair in pairs:
         for name, value in bytes_per_grain(*pair.split()).items():
-            figures[f"memory_{name}_{pair.split()[1]}"] = bounds.figure(value, "bytes per grain", BYTES[pair])
-    return figures
+            metrics[f"memory_{name}_{pair.split()[1]}"] = bounds.figure(value, "bytes per grain", BYTES[pair])
+    return metrics
 
 
 def table(rows):
@@ -109,13 +109,13 @@ def table(rows):
 def measure(full, turns):
     """(rows by tag, figures with bounds) of all groups; `full` adds scenes of 100 000 grains and more, and memory."""
     count = 4 if full else 2
-    rows, figures = {}, {}
+    rows, metrics = {}, {}
     for group in (SPHERES[:count], DISCS[:count], *SHAPED.values()):
         found = grow(group, turns)
         rows |= found
         if group in (SPHERES, DISCS):
-            figures |= growth_figures(found)
-    return rows, figures | (memory_figures(BYTES) if full else {})
+            metrics |= growth_figures(found)
+    return rows, metrics | (memory_figures(BYTES) if full else {})
 
 
 def main():
@@ -124,10 +124,10 @@ def main():
     parser.add_argument("--full", action="store_true", help="up to a million grains, and memory")
     parser.add_argument("--turns", type=int, default=3, help="timed turns; medians are printed")
     args = parser.parse_args()
-    rows, figures = measure(args.full, args.turns)
+    rows, metrics = measure(args.full, args.turns)
     print(table(rows))
-    if figures:
-        print(f"\n{bounds.table(figures)}")
+    if metrics:
+        print(f"\n{bounds.table(metrics)}")
 
 
 if __name__ == "__main__":

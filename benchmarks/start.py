@@ -54,14 +54,14 @@ def measure(scenes, turns):
             with tempfile.TemporaryDirectory() as cache:
                 for kind in BOUNDS:
                     taken[scene, kind].append(seconds_to_first_step(scene, cache))
-    figures, rows = {}, []
+    metrics, rows = {}, []
     for (scene, kind), times in taken.items():
         wall, processor = (median(column) for column in zip(*times))
         name = f"start_{kind}_{scene.replace(' ', 'd_')}"
         figure = bounds.figure(wall, "s", BOUNDS[kind]) if scene == CLAIMED else {"value": wall, "unit": "s"}
-        figures[name] = figure | {"processor": processor}
+        metrics[name] = figure | {"processor": processor}
         rows.append(page.row(name, f"{wall:.2f}", f"{processor:.2f}", figure.get("bound", ""), figure.get("holds", "")))
-    return figures, "\n".join([*page.head("start", "seconds", "on the processor", "at most", "holds"), *rows])
+    return metrics, "\n".join([*page.head("start", "seconds", "on the processor", "at most", "holds"), *rows])
 
 
 def main():

@@ -9,7 +9,7 @@ from .boundaries.periodic_cell import check_box, check_shear
 from .boundaries.plane_walls import check_walls
 from .contact.surface_kinds import CURVED, kind_of
 from .core.errors import InputError
-from .core.fields import spin_size, turn_size
+from .core.fields import orientation_size, rotation_size
 from .effects import Bodies, Effect
 from .stepping.guards import Guards
 from .stepping.verlet import OnsetVerlet
@@ -23,10 +23,10 @@ SKIN = 0.07  # default margin of the neighbour list, in mean diameters
 class Scene:
     """Everything that defines a run, as plain data in SI units; n grains in `dim` dimensions.
 
-    lengths (dim,) [m] and periodic (dim,) of the cell; shapes: GrainShape table; shape (n,): row of the table;
-    position (n, dim) [m]; scale (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
+    lengths (dim,) [m] and periodic (dim,) of the cell; shapes: GrainShape table; shape_index (n,): row of the table;
+    position (n, dim) [m]; diameter (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
     orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
-    platen (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
+    platen_index (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
     walls: PlaneWalls; shear_rate [s-1]: of a sheared cell, whose mean flow (see domain.py) is added to `velocity`;
     thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
     skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
@@ -40,26 +40,26 @@ class Scene:
     lengths: tuple
     periodic: tuple
     shapes: list
-    shape: np.ndarray
+    shape_index: np.ndarray
     position: np.ndarray
-    scale: np.ndarray
+    diameter: np.ndarray
     density: float
     effects: list
     angle: np.ndarray | None = None
     orientation: np.ndarray | None = None
-    platen: np.ndarray | None = None
+    platen_index: np.ndarray | None = None
     platens: list = field(default_factory=list)
     walls: list = field(default_factory=list)
     shear_rate: float = 0.0
     velocity: np.ndarray | None = None
-    spin: np.ndarray | None = None
+    angular_velocity: np.ndarray | None = None
     thickness: float | None = None
     area: float | None = None
     skin: float | None = None
     dt: float | None = None
     safety: float = 0.3
     integrator: type = OnsetVerlet
-    ledger: bool = True
+    track_dissipation: bool = True
     parallel: bool | None = None
     bonds: np.ndarray | None = None
     guards: Guards = Guards()
@@ -71,13 +71,19 @@ class Scene:
         if n == 0:
             raise InputError("Scene.position: no grains, must be at least one")
         self.position = np.asarray(self.position, float)
-        self.scale = np.asarray(self.scale, float)
-        self.shape = np.asarray(self.shape, np.int32)
-        self.platen = np.full(n, -1, np.int32) if self.platen is None else np.asarray(self.platen, np.int32)
+        self.diameter = np.asarray(self.diameter, float)
+        self.shape_index = np.asarray(self.shape_index, np.int32)
+        self.platen_index = (
+            np.full(n, -1, np.int32) if self.platen_index is None else np.asarray(self.platen_index, np.int32)
+        )
         self._orient(n)
         self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
-        self.spin = np.zeros((n, spin_size(self.dim))) if self.spin is None else np.asarray(self.spin, float)
-        self.thickness = float(np.mean(self.scale)) if self.thickness is None else self.thickness
+        self.angular_velocity = (
+            np.zeros((n, rotation_size(self.dim)))
+            if self.angular_velocity is None
+            else np.asarray(self.angular_velocity, float)
+        )
+        self.thickness = float(np.mean(self.diameter)) if self.thickness is None else self.thickness
         self._check(n)
 
     def _orient(self, n):
@@ -101,12 +107,12 @@ class Scene:
     def _check(self, n):
         expected = {
             "position": (n, self.dim),
-            "scale": (n,),
-            "shape": (n,),
-            "platen": (n,),
-            **({"angle": (n,)} if self.dim == 2 else {"orientation": (n, turn_size(3))}),
+            "diameter": (n,),
+            "shape_index": (n,),
+            "platen_index": (n,),
+            **({"angle": (n,)} if self.dim == 2 else {"orientation": (n, orientation_size(3))}),
             "velocity": (n, self.dim),
-            "spin": (n, spin_size(self.dim)),
+            "angular_velocity": (n, rotation_size(self.dim)),
         }
         for name, shape in expected.items():
             value = getattr(self, name)
@@ -117,14 +123,17 @@ class Scene:
         for name in ("lengths", "periodic"):
             if len(getattr(self, name)) != self.dim:
                 raise InputError(f"Scene.{name}: {len(getattr(self, name))} values, must be one per axis ({self.dim})")
-        if not (self.scale > 0).all():
-            raise InputError(f"Scene.scale: least value {self.scale.min():g} m, must be > 0")
+        if not (self.diameter > 0).all():
+            raise InputError(f"Scene.diameter: least value {self.diameter.min():g} m, must be > 0")
         if not (np.isfinite(self.density) and self.density > 0):
             raise InputError(f"Scene.density: {self.density!r} kg/m3, must be > 0")
-        if self.shape.min() < 0 or self.shape.max() >= len(self.shapes):
-            raise InputError(f"Scene.shape: rows {self.shape.min()}..{self.shape.max()} of {len(self.shapes)} shapes")
-        if self.platen.max() >= len(self.platens) or self.platen.min() < -1:
-            raise InputError(f"Scene.platen: {self.platen.max()} but there are {len(self.platens)} platens")
+        if self.shape_index.min() < 0 or self.shape_index.max() >= len(self.shapes):
+            raise InputError(
+                f"Scene.shape_index: {self.shape_index.min()}..{self.shape_index.max()}, "
+                f"must be 0..{len(self.shapes) - 1}"
+            )
+        if self.platen_index.max() >= len(self.platens) or self.platen_index.min() < -1:
+            raise InputError(f"Scene.platen_index: {self.platen_index.max()} but there are {len(self.platens)} platens")
         if not all(isinstance(e, Effect) for e in self.effects):
             raise InputError(f"Scene.effects: {self.effects!r}, must be instances of Effect")
         names = [e.name for e in self.effects]
@@ -141,7 +150,7 @@ class Scene:
         for effect in self.effects:
             effect.check(self)
         if self.skin is None:
-            self.skin = SKIN * float(np.mean(self.scale))
+            self.skin = SKIN * float(np.mean(self.diameter))
         if not (np.isfinite(self.skin) and self.skin > 0):
             raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
         check_box(self.lengths, self.periodic, self.widest(), self.skin)
@@ -162,16 +171,16 @@ class Scene:
 
     def masses(self):
         """(mass (n,) [kg], principal moments of inertia (n, 1 or 3) [kg m2]); a disc has the scene's thickness."""
-        s = self.scale
+        s = self.diameter
         depth = self.thickness if self.dim == 2 else 1.0
-        measure = np.array([g.measure for g in self.shapes])[self.shape]
-        inertia = np.array([g.inertia for g in self.shapes])[self.shape]
+        measure = np.array([g.measure for g in self.shapes])[self.shape_index]
+        inertia = np.array([g.inertia for g in self.shapes])[self.shape_index]
         unit = self.density * depth * s**self.dim
         return unit * measure, (unit * s**2)[:, None] * inertia
 
     def per_grain(self, attribute):
         """Length `attribute` of the shapes, scaled to every grain [m]."""
-        return np.array([getattr(g, attribute) for g in self.shapes])[self.shape] * self.scale
+        return np.array([getattr(g, attribute) for g in self.shapes])[self.shape_index] * self.diameter
 
     def reach(self):
         """Greatest distance of two surfaces [m] at which a law acts."""
@@ -185,14 +194,14 @@ class Scene:
         """Facts that bound the time step; see effects.Bodies."""
         mass, inertia = self.masses()
         inertia = inertia.min(axis=1)
-        mobile = self.platen < 0 if (self.platen < 0).any() else np.ones(len(mass), bool)
+        mobile = self.platen_index < 0 if (self.platen_index < 0).any() else np.ones(len(mass), bool)
         least_mass = float(mass[mobile].min())
         per_mass = float(self.contact_radii(mobile, mass).max())
         return Bodies(
             dim=self.dim,
             least_mass=least_mass,
             least_inertia=float(inertia[mobile].min()),
-            spin_factor=float((self.per_grain("bounding_radius") ** 2 * mass / inertia)[mobile].max()),
+            rotation_factor=float((self.per_grain("bounding_radius") ** 2 * mass / inertia)[mobile].max()),
             lever_factor=float((self.per_grain("lever") ** 2 * mass / inertia)[mobile].max()),
             coordination=COORDINATION[self.dim],
             normal_stiffness=sum(
@@ -207,7 +216,7 @@ class Scene:
         asks for radii of curvature."""
         if not any("reduced_radius" in e.needs for e in self.effects):
             return np.zeros(1)
-        curved = np.array([g.patches()[1].max() for g in self.shapes])[self.shape] * self.scale
+        curved = np.array([g.patches()[1].max() for g in self.shapes])[self.shape_index] * self.diameter
         reduced = curved * curved.max() / (curved + curved.max())
         return (np.sqrt(reduced * DEEP * self.per_grain("bounding_radius")) / mass)[mobile]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .bonds.bond_network import Bonds, FreedContacts
-from .bonds.bond_setup import bond_law
+from .bonds.bond_setup import bond_effect
 from .boundaries.periodic_cell import Domain
 from .boundaries.plane_walls import Walls
 from .boundaries.platens import Platens
-from .contact.error_flags import Faults
+from .contact.error_flags import ErrorFlags
 from .contact.neighbour_list import NeighbourList, grown
 from .contact.neighbour_search import NeighbourSearch
 from .contact.pair_geometry import PairGeometry
@@ -24,8 +24,8 @@ from .io.checkpoint import save_checkpoint
 from .measure.sums import Measure
 from .stepping.contact_forces import ContactForces
 from .stepping.grain_state import Grains
-from .stepping.kernel_spec import MakeUp
-from .stepping.monitor import Sentinel
+from .stepping.kernel_spec import KernelSpec
+from .stepping.monitor import Monitor
 
 PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
@@ -70,29 +70,29 @@ class Simulation:
         self.step = 0
         self.rebuilds = 0
         self.launches = 0
-        self._folder = self.sentinel = self.integrator = None
+        self._folder = self.monitor = self.integrator = None
         self.seconds = {}  # by what the run was doing
         n = len(scene.position)
         together = n > SERIAL_LIMIT if scene.parallel is None else scene.parallel
         self.crew = self.runtime.threads if together else 1
         self.skin = scene.skin
         self._dt = scene.chosen_dt()
-        made = self.make_up = MakeUp.of(scene)
+        made = self.kernel_spec = KernelSpec.of(scene)
         self.rotates = made.rotates
         with allocating():
             self.effects = [e.bound() for e in scene.effects]
             self.domain = Domain(scene.lengths, scene.periodic, scene.shear_rate or 0.0)
-            self.grains = Grains(scene.dim, n, made.grain_rows(), made.books)
-            self.faults = Faults()
+            self.grains = Grains(scene.dim, n, made.grain_rows(), made.channels)
+            self.error_flags = ErrorFlags()
             self.surfaces = surface_table(made.kind, scene.shapes)
-            self.parts = PartTable(scene.shapes, self.grains) if made.several else None
+            self.parts = PartTable(scene.shapes, self.grains) if made.multi_part else None
             self.state = StateView(self.grains, self._energies_changed)
             when_allocated(self._load_scene)
-            self.bonds = Bonds(scene, bond_law(self.effects), self.grains, self.domain) if made.bonds else None
+            self.bonds = Bonds(scene, bond_effect(self.effects), self.grains, self.domain) if made.bonds else None
             self.platens = None
             if scene.platens:
                 mass, _ = scene.masses()
-                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen, mass, self._dt)
+                self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen_index, mass, self._dt)
             self.walls = Walls(scene.walls, self.grains, made.history, made.onset) if scene.walls else None
             self.search = NeighbourSearch(self.grains, self.domain, self.skin + scene.reach(), self.parts, self.bonds)
         wanted = self._count()
@@ -100,7 +100,7 @@ class Simulation:
         dense = PAIRS_PER_GRAIN[scene.dim] * n * (SHAPED_PAIRS if made.shaped else 1.0) if n <= MANY else 0
         room = int(max(1.15 * wanted, dense))
         with allocating():
-            pairs = Pairs(scene.dim, capacity, room, made.rotates, made.kind, made.history, made.onset, made.several)
+            pairs = Pairs(scene.dim, capacity, room, made.rotates, made.kind, made.history, made.onset, made.multi_part)
             self._compose(pairs)
         self.neighbours.write()
         self._begin()
@@ -109,8 +109,8 @@ class Simulation:
         """First evaluation of the contacts, then velocities half a step back."""
         self.integrator.contacts_only(0.0)
         self.integrator.shift_velocities()
-        self.sentinel.begin()
-        self.sentinel.check_faults()
+        self.monitor.begin()
+        self.monitor.check_error_flags()
 
     def load(self, scene):
         """Start again from another scene of the same make-up, without compiling anything.
@@ -119,11 +119,11 @@ class Simulation:
         positions, shapes, sizes, lengths of the cell, parameters of the laws, guards and the time step may differ.
         Raises InputError otherwise.
         """
-        other = MakeUp.of(scene)
-        if other != self.make_up or scene.platens or self.platens:
-            raise InputError(f"Simulation.load: scene of {other}, must be of {self.make_up} without platens")
+        other = KernelSpec.of(scene)
+        if other != self.kernel_spec or scene.platens or self.platens:
+            raise InputError(f"Simulation.load: scene of {other}, must be of {self.kernel_spec} without platens")
         self.scene, self.step = scene, 0
-        self.faults.clear()
+        self.error_flags.clear()
         self._dt = scene.chosen_dt()
         self.skin = scene.skin
         self.integrator.set_step(self._dt, self.skin)
@@ -142,7 +142,7 @@ class Simulation:
             self.forces.geometry.set_reach(scene.reach())
         if self.bonds:
             self.bonds.fill(scene)
-        if scene.ledger and self.grains.has("dissipated"):
+        if scene.track_dissipation and self.grains.has("dissipated"):
             self.grains.dissipated.fill(0.0)
         self.pairs.row_start.fill(0)  # nothing is remembered of the pairs
         self._rebuild()
@@ -162,25 +162,25 @@ class Simulation:
             self.domain.set_shear(scene.shear_rate, scene.widest())
             self.grains.shear_work.fill(0.0)
         state.velocity.from_numpy(scene.velocity + self.domain.mean_flow(scene.position))
-        state.platen.from_numpy(scene.platen)
+        state.platen_index.from_numpy(scene.platen_index)
         state.radius.from_numpy(scene.per_grain("bounding_radius"))
         state.inverse_mass.from_numpy(1.0 / mass)
         if self.rotates:
-            state.spin.from_numpy(scene.spin)
+            state.angular_velocity.from_numpy(scene.angular_velocity)
             state.inverse_inertia.from_numpy(1.0 / inertia)
         if self.grains.has("orientation"):
             state.orientation.from_numpy(scene.turns())
-        if self.make_up.shaped:
-            state.shape.from_numpy(scene.shape)
-            state.scale.from_numpy(scene.scale)
-            state.cap_radius.from_numpy(scene.per_grain("cap_radius"))
+        if self.kernel_spec.shaped:
+            state.shape_index.from_numpy(scene.shape_index)
+            state.diameter.from_numpy(scene.diameter)
+            state.overlap_limit.from_numpy(scene.per_grain("overlap_limit"))
 
     def _compose(self, pairs):
         """Specialise the kernels for this scene and this storage of pairs."""
         self.pairs = pairs
         self.neighbours = NeighbourList(self.search, pairs)
         geometry = PairGeometry(
-            self.grains, self.surfaces, self.parts, self.domain, pairs, self.faults, self.scene.reach()
+            self.grains, self.surfaces, self.parts, self.domain, pairs, self.error_flags, self.scene.reach()
         )
         self.forces = ContactForces(geometry, self.domain, self.effects, self.walls, self.bonds)
         self.freed = FreedContacts(self.bonds, self.forces) if self.bonds else None
@@ -191,7 +191,7 @@ class Simulation:
         if former:
             self.integrator.go_on_from(former)
         self.measure = Measure(self.forces, self.integrator)
-        self.sentinel = Sentinel(self, self.sentinel)
+        self.monitor = Monitor(self, self.monitor)
 
     @property
     def dt(self):
@@ -228,7 +228,7 @@ class Simulation:
             while self.step < target:
                 self._launch(target - self.step)
                 if self._folder is not None and time.monotonic() - self._kept >= self._keep_seconds:
-                    self.sentinel.check_all()
+                    self.monitor.check_all()
                     with self.clock("output"):
                         save_checkpoint(self, self._folder / LAST_GOOD)
                     self._kept = time.monotonic()
@@ -242,16 +242,16 @@ class Simulation:
         self.launches += 1
         self.step += self.integrator.steps_done[None]
         self.integrator.steps_done[None] = 0
-        self.sentinel.check_faults()
+        self.monitor.check_error_flags()
         if self.integrator.halted[None]:
             with self.clock("neighbour list"):
                 self._rebuild()
             with self.clock("steps"):
                 self.integrator.contacts_only(self._dt)
             self.step += 1
-            self.sentinel.check_faults()
+            self.monitor.check_error_flags()
         with self.clock("guards"):
-            self.sentinel.check()
+            self.monitor.check()
 
     def _save_stopped(self, error):
         """Add to the error what was saved of the run."""
@@ -260,8 +260,8 @@ class Simulation:
             error.saved = tuple(self._folder / name for name in (STOPPED, LAST_GOOD) if (self._folder / name).exists())
 
     def _energies_changed(self):
-        if self.sentinel:
-            self.sentinel.forget()
+        if self.monitor:
+            self.monitor.forget()
 
     def _count(self):
         """Number of pairs to be listed; no grain may be lost or have jumped."""

@@ -1,1 +1,1 @@
-"""Tests of the package; `tests.scenes` builds the small scenes that they share."""
+"""Tests of the package; `tests.helpers.scenes` builds the small scenes that they share."""

@@ -92,13 +92,13 @@ def runtime():
 
 
 @pytest.fixture(scope="module")
-def gallery(runtime):
-    """gallery(name): a simulation of 48 packed grains, see `scenes.gallery_scene`; `scenes.reload` resets it."""
+def reference_packing(runtime):
+    """reference_packing(name): a simulation of 48 packed grains, which `scenes.reload` resets."""
     made = {}
 
     def get(name):
         if name not in made:
-            made[name] = scenes.simulate(scenes.gallery_scene(name))
+            made[name] = scenes.simulate(scenes.reference_packing_scene(name))
         return made[name]
 
     return get

@@ -19,14 +19,16 @@ from pydantic import Field
 from workflows.accuracy import collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import attributes_of
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
 
-Knob = Literal["stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"]
+Parameter = Literal[
+    "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
+]
 
 
 class Params(BaseParams):
@@ -47,7 +49,7 @@ class Params(BaseParams):
     long_shapes: list[Literal["sphere", "angular"]] = Field(
         ["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
     )
-    knobs: list[Knob] = Field(list(gouge.KNOBS), description="physical choices to measure")
+    parameters: list[Parameter] = Field(list(gouge.PARAMETERS), description="physical choices to measure")
     most_settings: int = Field(4, ge=3, le=4, description="settings of each physical choice, with the usual one [1]")
     seeds: int = Field(4, ge=2, description="runs of each setting of a layer [1]")
     strain: float = Field(3.0, gt=1.2, description="shear strain of the layers [1]")
@@ -68,7 +70,7 @@ class Params(BaseParams):
             "discs": [12],
             "corners": [],
             "long_shapes": ["sphere"],
-            "knobs": ["stiffness_number"],
+            "parameters": ["stiffness_number"],
             "most_settings": 3,
             "seeds": 2,
             "strain": 1.5,
@@ -82,7 +84,7 @@ class Params(BaseParams):
             "discs": [12, 30],
             "corners": [],
             "long_shapes": ["sphere"],
-            "knobs": ["stiffness_number"],
+            "parameters": ["stiffness_number"],
             "most_settings": 3,
             "seeds": 4,
             "strain": 3.0,
@@ -105,9 +107,9 @@ def alone(function, *arguments):
 def numerical(params, report):
     """Trials of integrators, steps, precision, law and skin."""
     trials = []
-    for law in collisions.LAWS:
-        trials += alone(collisions.measure_collisions, params, law)
-        report("collisions", f"{law} law")
+    for effect in collisions.LAWS:
+        trials += alone(collisions.measure_collisions, params, effect)
+        report("collisions", f"{effect} law")
     trials += alone(collisions.measure_rack, params)
     report("rack", "ten discs")
     of_gas = alone(gas.measure_gas, params, "first") + alone(gas.measure_gas, params, "second")
@@ -116,11 +118,11 @@ def numerical(params, report):
     usual = of_gas[0].cost / of_gas[0].relative
     of_gas += [replace(t, relative=t.cost / usual) for t in of_f32]
     report("gas", "f32")
-    per_step = {t.knob: t.relative / t.value for t in of_gas}
-    discs = {knob: rate / per_step["onset_verlet"] for knob, rate in per_step.items()}
+    per_step = {t.parameter: t.relative / t.value for t in of_gas}
+    discs = {parameter: rate / per_step["onset_verlet"] for parameter, rate in per_step.items()}
     default = alone(gas.default_steps_per_contact, params)
     for i, t in enumerate(trials):  # collisions of discs: as many steps, and the scheme's cost of each
-        scheme = t.knob.split(",")[0]
+        scheme = t.parameter.split(",")[0]
         trials[i] = replace(t, relative=t.value / default * discs[scheme])
     if params.lists:
         trials += alone(gas.measure_lists, params)
@@ -138,7 +140,7 @@ def of_shapes(params, report):
             rows[kind, count].append(alone(outlines.measure_layer, params, kind, count))
             report("shapes", f"{kind} {count:g}")
     trials = outlines.trials_of(rows)
-    relative = {t.value: t.relative for t in trials if t.knob == "patches"}
+    relative = {t.value: t.relative for t in trials if t.parameter == "patches"}
     if params.corners:
         trials += alone(outlines.measure_parts, params)
         report("shapes", "convex parts")
@@ -150,10 +152,10 @@ def physical(params, out, report):
     """(trials of the physical choices, rows of the table for target errors)."""
     trials, rows, usual = [], [], None
     for shape in dict.fromkeys(params.shapes + params.long_shapes):
-        knobs = params.knobs if shape in params.shapes else ["step_safety"]
-        of_shape, found, usual = gouge.measure_knobs(params, shape, knobs, out / "runs", usual)
+        parameters = params.parameters if shape in params.shapes else ["step_safety"]
+        of_shape, found, usual = gouge.measure_parameters(params, shape, parameters, out / "runs", usual)
         trials += of_shape
-        report("layers", f"{shape}, {', '.join(knobs)}")
+        report("layers", f"{shape}, {', '.join(parameters)}")
         if params.long_strain and shape in params.long_shapes:
             of_strain, row = gouge.measure_strain(params, shape, out / "runs", usual)
             trials += of_strain
@@ -175,31 +177,31 @@ def analyse(trials):
     ours = found["onset_verlet", drift]
     at = int(np.argmin(np.abs(ours.value - 48)))
     seed = found["symplectic_euler", drift].cost_at(ours.error[at]) / ours.relative[at]
-    figures = {
-        "order_explicit_euler": Figure(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
-        "order_symplectic_euler": Figure(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
-        "order_verlet": Figure(verlet, "1", "2 within 0.2", abs(verlet - 2.0) <= 0.2),
-        "order_onset_verlet": Figure(onset, "1", "at least 3", onset >= 3.0),
-        "order_forest_ruth": Figure(order("forest_ruth", after), "1"),
-        "least_drift_explicit_euler": Figure(float(found["explicit_euler", drift].error.min()), "1"),
-        "cost_ratio_seed_scheme": Figure(seed, "1"),
+    metrics = {
+        "order_explicit_euler": Metric(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
+        "order_symplectic_euler": Metric(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
+        "order_verlet": Metric(verlet, "1", "2 within 0.2", abs(verlet - 2.0) <= 0.2),
+        "order_onset_verlet": Metric(onset, "1", "at least 3", onset >= 3.0),
+        "order_forest_ruth": Metric(order("forest_ruth", after), "1"),
+        "least_drift_explicit_euler": Metric(float(found["explicit_euler", drift].error.min()), "1"),
+        "cost_ratio_seed_scheme": Metric(seed, "1"),
     }
     patches, clumps = found.get(("patches", "shape error")), found.get(("discs of a clump", "shape error"))
     if patches and clumps and 30 in patches.value and len(clumps.value) > 1:
         chosen = list(patches.value).index(30)
         ratio = clumps.cost_at(patches.error[chosen]) / patches.relative[chosen]
-        figures["cost_ratio_clumps"] = Figure(ratio, "1")
-    skins = [t for t in trials if t.knob == "skin"]
+        metrics["cost_ratio_clumps"] = Metric(ratio, "1")
+    skins = [t for t in trials if t.parameter == "skin"]
     if skins:
         differ = max(t.error for t in skins)
-        figures["skin_difference"] = Figure(differ, "m", "0: no pair may be missed", differ == 0.0)
-    for knob, name in (("skin", "cost_of_skin"), ("convex parts", "cost_of_parts")):
-        figures |= {f"{name}_{t.value:g}": Figure(t.relative, "1") for t in trials if t.knob == knob}
-    for (knob, quantity), curve in found.items():
+        metrics["skin_difference"] = Metric(differ, "m", "0: no pair may be missed", differ == 0.0)
+    for parameter, name in (("skin", "cost_of_skin"), ("convex parts", "cost_of_parts")):
+        metrics |= {f"{name}_{t.value:g}": Metric(t.relative, "1") for t in trials if t.parameter == parameter}
+    for (parameter, quantity), curve in found.items():
         if quantity in (drift, "shape error", "friction", "statistical error of friction"):
-            name = f"tenfold_{knob}_{quantity}".replace(", ", "_").replace(" ", "_")
-            figures[name] = Figure(curve.tenfold(), "1")
-    return figures
+            name = f"tenfold_{parameter}_{quantity}".replace(", ", "_").replace(" ", "_")
+            metrics[name] = Metric(curve.tenfold(), "1")
+    return metrics
 
 
 def run(params, out, progress=None):
@@ -218,7 +220,7 @@ def run(params, out, progress=None):
     trials = numerical(params, report) + of_shapes(params, report)
     of_layers, rows = physical(params, out, report)
     trials += of_layers
-    attributes = attributes_of(params, np.nan, "Accuracy against cost", "Errors and costs of settings, by knob.")
+    attributes = attributes_of(params, np.nan, "Accuracy against cost", "Errors and costs of settings, by parameter.")
     table = write_trials(out / "accuracy.nc", trials, attributes)
     if rows:
         made_by = {"made_by": f"lsm accuracy-cost --preset {params.preset_name}", "rows": rows}
@@ -226,7 +228,7 @@ def run(params, out, progress=None):
     found = curves(trials)
     plot_work_precision(out / "work_precision.png", found)
     plot_summary(out / "tenfold.png", found)
-    figures = analyse(trials)
-    figures["seconds"] = Figure(time.perf_counter() - began, "s")
-    write_summary(out, "accuracy-cost", params.preset_name, figures, quiet=progress is None)
+    metrics = analyse(trials)
+    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    write_summary(out, "accuracy-cost", params.preset_name, metrics, quiet=progress is None)
     return table

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.cli import signals
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import write_runs
@@ -132,11 +132,11 @@ def run(params, out, progress=None):
     table = collect(runs, params, out, status)
     if status != "interrupted":
         run_plots.plot_comparison(out)
-    figures = analyse(table)
-    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    metrics = analyse(table)
+    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
     if progress:
         print(table_text(table))
-    write_summary(out, "compare-shapes", params.preset_name, figures, quiet=progress is None)
+    write_summary(out, "compare-shapes", params.preset_name, metrics, quiet=progress is None)
     if failure:
         raise failure
     return table
@@ -152,8 +152,8 @@ def collect(runs, params, out, run_status):
         if status == "running":  # killed before it wrote how it ended, or never started
             status = "failed" if run_status == "complete" else run_status
         row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
-        figures = shear_gouge.analyse(dataset, of_run) if status == "complete" else {}
-        row |= {v.name: float(figures[v.name].value) if figures else np.nan for v in COLUMNS}
+        metrics = shear_gouge.analyse(dataset, of_run) if status == "complete" else {}
+        row |= {v.name: float(metrics[v.name].value) if metrics else np.nan for v in COLUMNS}
         rows.append(row)
         steps += [dataset.dt] if dataset is not None else []
     title = "Friction of gouge of round and of angular grains"
@@ -186,19 +186,19 @@ def estimates(table):
 
 def analyse(table):
     """Figures of the comparison; None where no run gives a value."""
-    found, figures = estimates(table), {}
+    found, metrics = estimates(table), {}
     for shape in SHAPES:
         mean = found[shape].mean if shape in found else None
         error = found[shape].standard_error if shape in found else None
-        figures |= {f"friction_{shape}_mean": Figure(mean, "1"), f"friction_{shape}_se": Figure(error, "1")}
+        metrics |= {f"friction_{shape}_mean": Metric(mean, "1"), f"friction_{shape}_se": Metric(error, "1")}
     apart = lsm.difference(found["angular"], found["sphere"]) if len(found) == 2 else None
-    figures["friction_difference"] = Figure(apart and apart.mean, "1")
-    figures["friction_difference_se"] = Figure(apart and apart.standard_error, "1")
+    metrics["friction_difference"] = Metric(apart and apart.mean, "1")
+    metrics["friction_difference_se"] = Metric(apart and apart.standard_error, "1")
     for name, column in WORST.items():
         worst = float(np.abs(table[column]).max())
         bound = shear_gouge.BOUNDS[column]
-        figures[name] = Figure(worst, "1", bound, worst < bound)
-    return figures
+        metrics[name] = Metric(worst, "1", bound, worst < bound)
+    return metrics
 
 
 def table_text(table):

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import attributes_of, write_runs
@@ -82,7 +82,7 @@ def build(params, grains, seed, steps_per_contact, scheme) -> "lsm.Scene":
     """One elastic gas; `steps_per_contact` fixes the step through the contact duration pi sqrt(m/(2k))."""
     p = params
     side = grains ** (1.0 / p.dim)
-    shapes, position, scale, turned = _paved(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
+    shapes, position, scale, orientations = _paved(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
     if scheme in CONES:
         shapes = [lsm.from_chain(s, CONES[scheme] * p.missed_seam) for s in shapes]
     rng = np.random.default_rng(seed + 100)
@@ -92,16 +92,16 @@ def build(params, grains, seed, steps_per_contact, scheme) -> "lsm.Scene":
         lengths=(side * p.tile,) * p.dim,
         periodic=(True,) * p.dim,
         shapes=shapes,
-        **turned,
-        shape=np.arange(grains),
+        **orientations,
+        shape_index=np.arange(grains),
         position=position * p.tile,
-        scale=scale * p.tile,
+        diameter=scale * p.tile,
         density=p.density,
         thickness=p.tile,
         velocity=velocity,
         effects=[lsm.LinearElastic(p.stiffness)],
         integrator=getattr(lsm, SCHEMES.get(scheme, "OnsetVerlet")),
-        ledger=False,
+        track_dissipation=False,
         guards=lsm.Guards(energy=None),  # what a scheme does to the energy is the question
         dt=1.0,
     )
@@ -120,8 +120,8 @@ def _detail(params):
 def _paved(dim, grains, seed, corner_radius, gap, detail):
     """(shapes, positions, sizes, orientations by name) of one packing in tiles: fitted once, used at every step."""
     if dim == 2:
-        return *lsm.pave(grains, np.sqrt(grains), seed, corner_radius, gap, detail), {}
-    paved = lsm.pave_volume(grains, np.cbrt(grains), seed, corner_radius, gap, chamfers=detail)
+        return *lsm.voronoi_packing(grains, np.sqrt(grains), seed, corner_radius, gap, detail), {}
+    paved = lsm.laguerre_packing(grains, np.cbrt(grains), seed, corner_radius, gap, chamfers=detail)
     shapes, position, scale, orientation = paved
     return shapes, position, scale, {"orientation": orientation}
 
@@ -223,32 +223,32 @@ def analyse(rows, dim=2):
         wanted = (scheme, purpose, per_contact)
         return [r[name] for r in rows if (r["scheme"], r["purpose"], r["steps_per_contact"]) == wanted]
 
-    figures = {}
+    metrics = {}
     for name, bounds in BOUNDS[dim].items():
         for per_contact, bound in zip((50, 100), bounds, strict=True):
             of_seeds = values("onset_verlet", "drift", per_contact, name)
             value = root_mean_square(of_seeds)
             holds = None if bound is None else value <= bound and max(of_seeds) <= 2 * bound
-            figures[f"{name}_{per_contact}"] = Figure(value, "1", bound, holds)
+            metrics[f"{name}_{per_contact}"] = Metric(value, "1", bound, holds)
     long = values("onset_verlet", "long", 50, "shadow_drift")[0]
-    figures["shadow_drift_long"] = Figure(long, "1", 1e-4, long <= 1e-4)
+    metrics["shadow_drift_long"] = Metric(long, "1", 1e-4, long <= 1e-4)
     for scheme, name in ORDERS[dim].items():
         level = [root_mean_square(values(scheme, "order", n)) for n in LEVELS]
         slope = -np.polyfit(np.log(LEVELS), np.log(level), 1)[0]
         claimed = (2.0, abs(slope - 2.0) <= 0.25) if scheme == "velocity_verlet" else (None, None)
-        figures[name] = Figure(float(slope), "1", *claimed)
+        metrics[name] = Metric(float(slope), "1", *claimed)
     verlet = root_mean_square(values("velocity_verlet", "drift", 50))
     euler = root_mean_square(values("symplectic_euler", "drift", 50))
     printed = values("explicit_euler", "drift", 50)[0]
-    figures["verlet_drift_50"] = Figure(verlet, "1")
-    figures["symplectic_euler_drift_50"] = Figure(euler, "1")
-    figures["seed_scheme_drift"] = Figure(printed, "1")
-    figures["gain_over_seed"] = Figure(printed / figures["drift_50"].value, "1")
-    figures["gain_over_published"] = Figure(SEED_DRIFT / figures["drift_50"].value, "1")
+    metrics["verlet_drift_50"] = Metric(verlet, "1")
+    metrics["symplectic_euler_drift_50"] = Metric(euler, "1")
+    metrics["seed_scheme_drift"] = Metric(printed, "1")
+    metrics["gain_over_seed"] = Metric(printed / metrics["drift_50"].value, "1")
+    metrics["gain_over_published"] = Metric(SEED_DRIFT / metrics["drift_50"].value, "1")
     for scheme in CONES if dim == 2 else ():
         for per_contact in (50, 200):
-            figures[f"{scheme}_drift_{per_contact}"] = Figure(values(scheme, "plateau", per_contact)[0], "1")
-    return figures
+            metrics[f"{scheme}_drift_{per_contact}"] = Metric(values(scheme, "plateau", per_contact)[0], "1")
+    return metrics
 
 
 def run(params, out, progress=None):
@@ -281,8 +281,8 @@ def run(params, out, progress=None):
         text={"scheme": "time integration", "purpose": "what the run is for"},
     )
     lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes_of(params, dt, title, summary))
-    figures = analyse(rows, params.dim)
+    metrics = analyse(rows, params.dim)
     plot_energy(out / "energy.png", rows, series, SEED_DRIFT)
-    figures["seconds"] = Figure(time.perf_counter() - began, "s")
-    write_summary(out, "energy-conservation", params.preset_name, figures, quiet=progress is None)
+    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    write_summary(out, "energy-conservation", params.preset_name, metrics, quiet=progress is None)
     return table

@@ -15,7 +15,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import write_runs
@@ -101,11 +101,11 @@ def analyse(rows):
     failed = sum("failed" in s for s in states.values())
     judged = [row for row in rows if STATUS[row["status"]] != "excepted"]
     return {
-        "cases": Figure(len(names), "1"),
-        "passed": Figure(sum("failed" not in s for s in states.values()), "1"),
-        "failed": Figure(failed, "1", 0, failed == 0),
-        "excepted": Figure(sum("excepted" in s for s in states.values()), "1"),
-        "least_margin": Figure(min(row["margin"] for row in judged), "1"),
+        "cases": Metric(len(names), "1"),
+        "passed": Metric(sum("failed" not in s for s in states.values()), "1"),
+        "failed": Metric(failed, "1", 0, failed == 0),
+        "excepted": Metric(sum("excepted" in s for s in states.values()), "1"),
+        "least_margin": Metric(min(row["margin"] for row in judged), "1"),
     }
 
 
@@ -172,11 +172,11 @@ def run(params, out, progress=None):
     table = write_runs(out / "hard_cases.nc", rows, numbers, params, math.nan, title, summary, **options)
     (out / "hard_cases.md").write_text(table_text(rows), encoding="utf-8")
     plot_cases(out / "hard_cases.png", rows)
-    figures = analyse(rows)
-    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    metrics = analyse(rows)
+    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
     if progress:
         print("\n".join(plain_lines(rows)))
-    write_summary(out, "hard-cases", params.preset_name, figures, quiet=progress is None)
+    write_summary(out, "hard-cases", params.preset_name, metrics, quiet=progress is None)
     failed = [f"{row['title']} ({row['precision']})" for row in rows if STATUS[row["status"]] == "failed"]
     if failed:
         raise lsm.SimulationError(f"{len(failed)} hard cases failed: {'; '.join(failed)}")

@@ -17,7 +17,7 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import write_runs
@@ -133,18 +133,18 @@ def shear(params, kind, elements, out):
         threads=params.threads,
     )
     scene = shear_gouge.build(of_run)
-    mobile = scene.platen < 0
+    mobile = scene.platen_index < 0
     scene.shapes = [scene.shapes[0], *shapes]
-    scene.shape = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
+    scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
     dataset = shear_gouge.simulate(scene, of_run, out, None)
-    figures = shear_gouge.analyse(dataset, of_run)
+    metrics = shear_gouge.analyse(dataset, of_run)
     rate = rate_of(out)
-    return figures["friction_mean"].value, figures["friction_se"].value, 1.0 / rate
+    return metrics["friction_mean"].value, metrics["friction_se"].value, 1.0 / rate
 
 
 def rate_of(out):
     """Grains times steps per second of the run in the folder `out`; nan if it was too short to tell."""
-    value = json.loads((Path(out) / "summary.json").read_text())["figures"]["grain_steps_per_second"]["value"]
+    value = json.loads((Path(out) / "summary.json").read_text())["metrics"]["grain_steps_per_second"]["value"]
     return np.nan if value is None else value
 
 
@@ -173,25 +173,25 @@ def analyse(rows):
     def column(kind, name):
         return np.array([r[name] for r in rows if r["kind"] == kind])
 
-    figures = {}
+    metrics = {}
     at = COUNTS.index(30)
     for kind in ("patches", "clump"):
-        figures[f"shape_error_{kind}_30"] = Figure(float(column(kind, "shape_error")[at]), "1")
-        figures[f"roughness_{kind}_30"] = Figure(float(column(kind, "roughness")[at]), "1")
+        metrics[f"shape_error_{kind}_30"] = Metric(float(column(kind, "shape_error")[at]), "1")
+        metrics[f"roughness_{kind}_30"] = Metric(float(column(kind, "roughness")[at]), "1")
     elements = np.array(COUNTS, float)
     slope, offset = np.polyfit(np.log(elements), np.log(column("clump", "shape_error")), 1)
-    needed = float(np.exp((np.log(figures["shape_error_patches_30"].value) - offset) / slope))
-    figures["discs_at_equal_error"] = Figure(needed, "1")
+    needed = float(np.exp((np.log(metrics["shape_error_patches_30"].value) - offset) / slope))
+    metrics["discs_at_equal_error"] = Metric(needed, "1")
     patches, clumps = column("patches", "cost"), column("clump", "cost")
     known = np.isfinite(clumps)
     per_disc = np.polyfit(elements[known], clumps[known], 1) if known.sum() > 1 else (clumps[0] / elements[0], 0.0)
     cost = float(np.nanmax(patches[: at + 1]))
-    figures["cost_ratio_equal_error"] = Figure(float(np.polyval(per_disc, needed) / cost), "1")
+    metrics["cost_ratio_equal_error"] = Metric(float(np.polyval(per_disc, needed) / cost), "1")
     last = int(np.flatnonzero(known)[-1])
     for kind in ("patches", "clump"):
-        figures[f"friction_{kind}_{COUNTS[last]}"] = Figure(float(column(kind, "friction_mean")[last]), "1")
-        figures[f"friction_{kind}_{COUNTS[last]}_se"] = Figure(float(column(kind, "friction_se")[last]), "1")
-    return figures
+        metrics[f"friction_{kind}_{COUNTS[last]}"] = Metric(float(column(kind, "friction_mean")[last]), "1")
+        metrics[f"friction_{kind}_{COUNTS[last]}_se"] = Metric(float(column(kind, "friction_se")[last]), "1")
+    return metrics
 
 
 def run(params, out, progress=None):
@@ -213,10 +213,10 @@ def run(params, out, progress=None):
         parameters=("kind", "elements"),
         text={"kind": "patches or clump"},
     )
-    figures = analyse(rows)
+    metrics = analyse(rows)
     plot(out / "roughness.png", rows, params)
-    figures["seconds"] = Figure(time.perf_counter() - began, "s")
-    write_summary(out, "shape-roughness", params.preset_name, figures, quiet=progress is None)
+    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    write_summary(out, "shape-roughness", params.preset_name, metrics, quiet=progress is None)
     return table
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
-from workflows.gouge.initial_grains import breakable_grains, loose_grains, turned
+from workflows.gouge.initial_grains import breakable_grains, initial_orientations, loose_grains
 from workflows.gouge.target_runs import run_to_target
 from workflows.plots import run_plots
 
@@ -180,17 +180,17 @@ def build(params) -> "lsm.Scene":
         lengths=(lengths[0], np.inf, *lengths[1:]),
         periodic=(True, False, True)[:dim],
         shapes=shapes,
-        shape=np.concatenate([shape, np.zeros(len(glued), int)]),
+        shape_index=np.concatenate([shape, np.zeros(len(glued), int)]),
         position=position,
-        scale=scene_size,
-        **turned(turns, len(glued)),
+        diameter=scene_size,
+        **initial_orientations(turns, len(glued)),
         density=p.density,
-        platen=np.concatenate([np.full(len(scale), -1), glued]),
+        platen_index=np.concatenate([np.full(len(scale), -1), glued]),
         platens=[
             lsm.Platen("bottom", [lsm.Fixed()] * dim),
             lsm.Platen("top", [_driven(p, 0.0, servo.inertia), servo, *still]),
         ],
-        effects=laws(p),
+        effects=effects_of(p),
         bonds=bonds,
         thickness=d,
         area=area,
@@ -198,7 +198,7 @@ def build(params) -> "lsm.Scene":
     )
 
 
-def laws(p):
+def effects_of(p):
     """The laws of the contacts: elastic, damped, frictional; a law of `effects` takes the place of one of its kind."""
     usual = [
         lsm.LinearElastic(p.stiffness),
@@ -206,9 +206,9 @@ def laws(p):
         lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
     ]
     given = lsm.make_effects(p.effects)
-    taken = {law.role or law.phase for law in given}
+    taken = {effect.role or effect.phase for effect in given}
     usual += [_bond(p)] if p.breakable else []
-    return [law for law in usual if (law.role or law.phase) not in taken] + given
+    return [effect for effect in usual if (effect.role or effect.phase) not in taken] + given
 
 
 def _bond(p):
@@ -310,11 +310,11 @@ def simulate(scene, params, out, progress=None):
     if params.profile:
         print(lsm.profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
-    figures = analyse(dataset, params)
-    figures["grain_steps_per_second"] = Figure(rate, "s-1")
-    figures["seconds"] = Figure(time.perf_counter() - began, "s")
+    metrics = analyse(dataset, params)
+    metrics["grain_steps_per_second"] = Metric(rate, "s-1")
+    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
     run_plots.plot_run(out)
-    write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
+    write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return dataset
 
 
@@ -357,24 +357,24 @@ def analyse(dataset, params):
     normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
     rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
     apart = abs(platen.mean / friction.mean - 1.0)
-    figures = {
-        "friction_mean": Figure(friction.mean, "1"),
-        "friction_se": Figure(friction.standard_error, "1"),
-        "friction_ess": Figure(friction.effective_samples, "1"),
-        "platen_friction_mean": Figure(platen.mean, "1"),
-        "platen_bulk_difference": Figure(apart, "1"),
-        "inertial_number": Figure(float(steady.inertial_number.mean()), "1"),
-        "stiffness_number": Figure(params.stiffness_number, "1"),
-        "energy_residual": Figure(float(residual), "1"),
-        "normal_stress_error": Figure(normal, "1"),
-        "normal_stress_rms": Figure(rms, "1"),
-        "layer_thickness": Figure(float(steady.layer_thickness.mean()), "m"),
-        "porosity": Figure(float(steady.porosity.mean()), "1"),
-        "coordination_number": Figure(float(steady.coordination_number.mean()), "1"),
-        "sliding_fraction": Figure(float(steady.sliding_fraction.mean()), "1"),
-        "deepest_overlap": Figure(float(dataset.deepest_overlap.max()), "1"),
+    metrics = {
+        "friction_mean": Metric(friction.mean, "1"),
+        "friction_se": Metric(friction.standard_error, "1"),
+        "friction_ess": Metric(friction.effective_samples, "1"),
+        "platen_friction_mean": Metric(platen.mean, "1"),
+        "platen_bulk_difference": Metric(apart, "1"),
+        "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
+        "stiffness_number": Metric(params.stiffness_number, "1"),
+        "energy_residual": Metric(float(residual), "1"),
+        "normal_stress_error": Metric(normal, "1"),
+        "normal_stress_rms": Metric(rms, "1"),
+        "layer_thickness": Metric(float(steady.layer_thickness.mean()), "m"),
+        "porosity": Metric(float(steady.porosity.mean()), "1"),
+        "coordination_number": Metric(float(steady.coordination_number.mean()), "1"),
+        "sliding_fraction": Metric(float(steady.sliding_fraction.mean()), "1"),
+        "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
     for name, bound in BOUNDS.items():
-        value = figures[name].value
-        figures[name] = Figure(value, "1", bound, abs(value) < bound)
-    return figures
+        value = metrics[name].value
+        metrics[name] = Metric(value, "1", bound, abs(value) < bound)
+    return metrics

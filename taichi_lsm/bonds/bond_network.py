@@ -7,7 +7,7 @@ persistent ids, so that the bits depend neither on threads nor on where the grai
 import numpy as np
 
 from ..contact.pair_storage import TOUCHING
-from ..core.fields import allocate, spin_size, turn_size
+from ..core.fields import allocate, orientation_size, rotation_size
 from ..core.rotation import inverse, product, rotate, torque_of
 from ..core.runtime import ti, when_allocated
 from ..core.schema import Variable
@@ -18,13 +18,13 @@ BOND_ROWS = (
     Variable("second", ("bond",), "i32", "1", "persistent number of the second grain", True),
     Variable("intact", ("bond",), "i32", "1", "1 until the bond breaks, then 0", True),
     Variable("force", ("bond", "space"), "f64", "N", "force of the bond on the second grain", True),
-    Variable("torque_first", ("bond", "spin"), "f64", "N m", "torque of the bond on the first grain", True),
-    Variable("torque_second", ("bond", "spin"), "f64", "N m", "torque of the bond on the second grain", True),
+    Variable("torque_first", ("bond", "rotation"), "f64", "N m", "torque of the bond on the first grain", True),
+    Variable("torque_second", ("bond", "rotation"), "f64", "N m", "torque of the bond on the second grain", True),
     Variable("contact_gain", ("bond",), "f64", "J", "elastic energy of the contact that its breaking set free", True),
     Variable("freed", ("bond",), "i32", "1", "1 if it broke in the present step", True),
     Variable("anchor_first", ("bond", "space"), "f64", "m", "middle of the bond, in the frame of the first grain"),
     Variable("anchor_second", ("bond", "space"), "f64", "m", "middle of the bond, in the frame of the second grain"),
-    Variable("rest_turn", ("bond", "turn"), "f64", "1", "first grain against the second at the start"),
+    Variable("rest_turn", ("bond", "orientation"), "f64", "1", "first grain against the second at the start"),
     Variable("stiffness", ("bond", "four"), "f64", "1", "of tension, shear [N m-1], bending and torsion [N m]"),
     Variable("strength", ("bond", "four"), "f64", "1", "in tension, shear [N], bending and torsion [N m]"),
 )
@@ -37,11 +37,16 @@ class Bonds:
     Their places `lead[i]` to `lead[i + 1]` belong to grain i as the lower one; `ends` lists the bonds of every grain.
     """
 
-    def __init__(self, scene, law, grains, domain):
-        self.law, self.grains, self.domain, self.dim = law, grains, domain, grains.dim
+    def __init__(self, scene, effect, grains, domain):
+        self.effect, self.grains, self.domain, self.dim = effect, grains, domain, grains.dim
         self.count = len(scene.bonds)
         self.variables = BOND_ROWS
-        sizes = {"space": self.dim, "spin": spin_size(self.dim), "turn": turn_size(self.dim), "four": 4}
+        sizes = {
+            "space": self.dim,
+            "rotation": rotation_size(self.dim),
+            "orientation": orientation_size(self.dim),
+            "four": 4,
+        }
         for name, field in vars(allocate(BOND_ROWS, self.count, sizes)).items():
             setattr(self, name, field)
         capacity = grains.slot_of.shape[0]
@@ -49,8 +54,8 @@ class Bonds:
         self.end_start = ti.field(ti.i32, capacity + 1)
         self.ends = ti.field(ti.i32, 2 * self.count)
         self.broke = ti.field(ti.i32, ())  # 1 if a bond broke in the present step
-        self.book = 0  # column of the energy ledger
-        self.ledger = grains.has("dissipated")
+        self.channel = 0  # column of the energy ledger
+        self.track_dissipation = grains.has("dissipated")
         when_allocated(lambda: self.fill(scene))
 
     def fill(self, scene):
@@ -80,11 +85,11 @@ class Bonds:
         g = self.grains
         ti.loop_config(serialize=True)
         for b in range(self.count):
-            turn_k, turn_l = g.orientation[g.slot_of[self.first[b]]], g.orientation[g.slot_of[self.second[b]]]
+            q_k, q_l = g.orientation[g.slot_of[self.first[b]]], g.orientation[g.slot_of[self.second[b]]]
             half = 0.5 * self.anchor_first[b]
-            self.anchor_first[b] = rotate(inverse(turn_k), half)
-            self.anchor_second[b] = rotate(inverse(turn_l), -half)
-            self.rest_turn[b] = product(inverse(turn_l), turn_k)
+            self.anchor_first[b] = rotate(inverse(q_k), half)
+            self.anchor_second[b] = rotate(inverse(q_l), -half)
+            self.rest_turn[b] = product(inverse(q_l), q_k)
 
     @ti.func
     def joined(self, i, j):
@@ -122,16 +127,16 @@ class Bonds:
             if self.intact[b] == 1:
                 u, turn, e_k, e_l, arm_k, arm_l = self.placed(b)
                 stiffness = self.stiffness[b]
-                force, torque_k, torque_l = self.law.on_bond(u, turn, e_k, e_l, stiffness)
+                force, torque_k, torque_l = self.effect.on_bond(u, turn, e_k, e_l, stiffness)
                 torque_k -= torque_of(arm_k, force)
                 torque_l += torque_of(arm_l, force)
-                if self.law.bond_use(u, turn, e_k, e_l, stiffness, self.strength[b]) > 1.0:
+                if self.effect.bond_use(u, turn, e_k, e_l, stiffness, self.strength[b]) > 1.0:
                     broken = 1
                     self.intact[b], self.freed[b] = 0, 1
                     force, torque_k, torque_l = 0.5 * force, 0.5 * torque_k, 0.5 * torque_l
-                    if ti.static(self.ledger):
-                        held = self.law.bond_energy(u, turn, e_k, e_l, stiffness)
-                        g.dissipated[k][self.book] = g.dissipated[k][self.book] + held
+                    if ti.static(self.track_dissipation):
+                        held = self.effect.bond_energy(u, turn, e_k, e_l, stiffness)
+                        g.dissipated[k][self.channel] = g.dissipated[k][self.channel] + held
             self.force[b], self.torque_first[b], self.torque_second[b] = force, torque_k, torque_l
         if broken == 1:
             self.broke[None] = 1
@@ -141,7 +146,7 @@ class Bonds:
     def gathered(self, i):
         """(force [N], torque [N m]) of all bonds of the grain of id i, in the order of the bonds."""
         force = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
-        torque = ti.Vector([ti.cast(0.0, ti.f64)] * ti.static(spin_size(self.dim)))
+        torque = ti.Vector([ti.cast(0.0, ti.f64)] * ti.static(rotation_size(self.dim)))
         for c in range(self.end_start[i], self.end_start[i + 1]):
             b = self.ends[c]
             if self.first[b] == i:
@@ -158,7 +163,7 @@ class Bonds:
         result = ti.cast(0.0, ti.f64)
         if self.intact[b] == 1:
             u, turn, e_k, e_l, arm_k, arm_l = self.placed(b)
-            result = self.law.bond_energy(u, turn, e_k, e_l, self.stiffness[b])
+            result = self.effect.bond_energy(u, turn, e_k, e_l, self.stiffness[b])
         return result
 
 
@@ -168,7 +173,7 @@ class FreedContacts:
 
     def __init__(self, bonds, forces):
         self.bonds, self.forces, self.grains, self.pairs = bonds, forces, forces.grains, forces.pairs
-        self.stores = [e for e in forces.laws if hasattr(type(e), "contact_energy")]
+        self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
 
     def begin(self):
         """After a rebuild, before its contacts: take the energy that appears from what the fracture has booked."""
@@ -188,8 +193,8 @@ class FreedContacts:
                     if pairs.partner_id[s] == bonds.second[b]:
                         gain = ti.cast(self.meet(b, k, pairs.partner[s], s), ti.f64)
                         bonds.contact_gain[b] = bonds.contact_gain[b] + gain
-                        if ti.static(bonds.ledger):
-                            g.dissipated[k][bonds.book] = g.dissipated[k][bonds.book] - gain
+                        if ti.static(bonds.track_dissipation):
+                            g.dissipated[k][bonds.channel] = g.dissipated[k][bonds.channel] - gain
 
     @ti.func
     def meet(self, b, k, l, s):
@@ -207,9 +212,9 @@ class FreedContacts:
             self.bonds.force[b] = self.bonds.force[b] - half
             self.bonds.torque_first[b] = self.bonds.torque_first[b] + torque_of(arm_k, half)
             self.bonds.torque_second[b] = self.bonds.torque_second[b] - torque_of(arm_l, half)
-            for law in ti.static(self.stores):
-                if ti.static(law.history_size(self.grains.dim) > 0):
-                    gain += law.contact_energy(contact, self.forces.history_of(law, s))
+            for effect in ti.static(self.stores):
+                if ti.static(effect.history_size(self.grains.dim) > 0):
+                    gain += effect.contact_energy(contact, self.forces.history_of(effect, s))
                 else:
-                    gain += law.contact_energy(contact, 0)
+                    gain += effect.contact_energy(contact, 0)
         return gain

@@ -10,7 +10,7 @@ def checked_bonds(pairs, effects, count):
 
     Raises InputError if they make no sense, or if the effects hold a law of bonds and there are none or the reverse.
     """
-    if (bond_law(effects) is None) != (pairs is None):
+    if (bond_effect(effects) is None) != (pairs is None):
         raise InputError(
             "Scene.bonds: a law of bonds in Scene.effects and bonded grains, must be given both or neither"
         )
@@ -42,17 +42,17 @@ def bond_branches(scene):
 
 def bond_numbers(scene):
     """(stiffness (m, 4), strength (m, 4), length (m,) [m]) of the bonds of a scene."""
-    law = bond_law(scene.effects)
+    effect = bond_effect(scene.effects)
     length = np.linalg.norm(bond_branches(scene), axis=1)
-    apart = length > 1e-6 * scene.scale[scene.bonds].max(axis=1)
+    apart = length > 1e-6 * scene.diameter[scene.bonds].max(axis=1)
     if not apart.all():
         raise InputError(f"Scene.bonds: grains {scene.bonds[~apart][0].tolist()} lie on each other, must be apart")
-    radius = 0.25 * scene.scale[scene.bonds].sum(axis=1)
+    radius = 0.25 * scene.diameter[scene.bonds].sum(axis=1)
     depth = scene.thickness if scene.dim == 2 else None
-    return law.bond_stiffness(radius, length, depth), law.bond_strength(radius, depth), length
+    return effect.bond_stiffness(radius, length, depth), effect.bond_strength(radius, depth), length
 
 
-def bond_law(effects):
+def bond_effect(effects):
     """The law of the bonds, None if there is none."""
     return next((e for e in effects if e.phase == "bond"), None)
 
@@ -65,11 +65,11 @@ def bond_rate(scene):
     """
     stiffness, _, length = bond_numbers(scene)
     mass, inertia = scene.masses()
-    tension, shear, bend, twist = stiffness.T
+    tension, shear, bend, torsion = stiffness.T
     rate = np.zeros(len(mass))
     for end in (0, 1):
         k = scene.bonds[:, end]
         m, least = mass[k], inertia[k].min(axis=1)
-        turning = shear * (1.0 / m + 0.25 * length**2 / least) + np.maximum(bend, twist) / least
+        turning = shear * (1.0 / m + 0.25 * length**2 / least) + np.maximum(bend, torsion) / least
         np.add.at(rate, k, np.maximum(tension / m, turning))
-    return 2.0 * float(rate[scene.platen < 0].max(initial=0.0))
+    return 2.0 * float(rate[scene.platen_index < 0].max(initial=0.0))

@@ -108,7 +108,7 @@ class Domain:
 
     @ti.func
     def note_strain(self):
-        """Before a launch: remember the strain since the list was built, for `way_in_flow`."""
+        """Before a launch: remember the strain since the list was built, for `displacement_in_flow`."""
         if ti.static(self.sheared):
             self.strain_before[0] = self.strain[0] - self.built_strain[0]
 
@@ -134,7 +134,7 @@ class Domain:
         return way.norm() + ti.abs(self.shear_rate[0]) * dt * (0.5 * self.widest[0] + 2.0 * half_skin)
 
     @ti.func
-    def way_in_flow(self, way, built, half_skin, time):
+    def displacement_in_flow(self, way, built, half_skin, time):
         """(way of a grain since the list was built less that of the mean flow, bound that it must keep below) [m].
 
         way: with the flow; built: where it was then; time [s]: since the launch began, for the strain itself may be

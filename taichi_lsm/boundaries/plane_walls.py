@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.error_flags import WALL
-from ..contact.pair_storage import ACTING, KICKED, SLIDING, TOUCHING
+from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
 from ..core.errors import InputError
 from ..core.fields import allocate
-from ..core.rotation import spin_velocity, torque_of, turned
+from ..core.rotation import advanced_orientation, rotational_velocity, torque_of
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
 
@@ -64,7 +64,7 @@ def check_walls(scene):
         if any(repeats and n != 0.0 for n, repeats in zip(normal, scene.periodic, strict=True)):
             raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along periodic axes")
         height = (scene.position - np.asarray(wall.point, float)) @ normal
-        beyond = np.flatnonzero((height <= 0.0) & (scene.platen < 0))
+        beyond = np.flatnonzero((height <= 0.0) & (scene.platen_index < 0))
         if len(beyond):
             raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it")
 
@@ -76,7 +76,7 @@ def contact_rows(history, onset):
         Variable("row_force", ("row", "space"), "real", "N", "force on the wall", True),
     ]
     if onset:
-        rows.append(Variable("row_kick", ("row", "space"), "real", "N s", "impulse on the wall", True))
+        rows.append(Variable("row_impulse", ("row", "space"), "real", "N s", "impulse on the wall", True))
     if history:
         rows.append(Variable("row_history", ("row", "history"), "real", "1", "values kept by the laws", True))
     return rows
@@ -152,7 +152,7 @@ class Walls:
         count = forces.grains.count[None]
         for w in range(self.count):
             force = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
-            kick = 0.0 * force
+            impulse = 0.0 * force
             for block in range(count // BLOCK + 1):
                 if self.marked[block]:
                     for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
@@ -160,12 +160,12 @@ class Walls:
                         if self.row_status[r]:
                             force += self.row_force[r]
                             if ti.static(self.onset):
-                                if self.row_status[r] & KICKED:
-                                    kick += self.row_kick[r]
+                                if self.row_status[r] & HAS_IMPULSE:
+                                    impulse += self.row_impulse[r]
             if dt > 0.0:
-                push = 0.5 * (self.force[w] + force) * dt + kick
+                push = 0.5 * (self.force[w] + force) * dt + impulse
                 self.work[w] = self.work[w] - push.dot(self.velocity[w])
-                self.force_sum[w] = self.force_sum[w] + force + kick / dt
+                self.force_sum[w] = self.force_sum[w] + force + impulse / dt
             self.force[w] = force
         for block in range(count // BLOCK + 1):
             if self.marked[block]:
@@ -187,29 +187,29 @@ class Walls:
         feature, radius = 0, g.radius[k]
         point = radius * n
         if ti.static(forces.shaped):
-            feature = forces.geometry.surface.feature_along(g.shape[k], k, n)
-            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, g.orientation[k], n)
+            feature = forces.geometry.surface.feature_along(g.shape_index[k], k, n)
+            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, g.orientation[k], n)
         depth = point.dot(n) - ti.cast(self.height(w, g.position[k]), self.real)
         arm = point - 0.5 * depth * n
         v = ti.cast(self.velocity[w] - g.velocity[k], self.real)
         about_normal = 0.0 * depth
         if ti.static(forces.rotates):
-            omega = ti.cast(g.spin[k], self.real)
-            v -= spin_velocity(omega, arm)
+            omega = ti.cast(g.angular_velocity[k], self.real)
+            v -= rotational_velocity(omega, arm)
             if ti.static(self.dim == 3):
                 about_normal = 0.5 * omega.dot(n)
-        contact = forces.seen(v, n, depth, g.inverse_mass[k], about_normal, dt)
+        contact = forces.make_contact(v, n, depth, g.inverse_mass[k], about_normal, dt)
         if ti.static("reduced_radius" in forces.needs):
             contact.reduced_radius = radius
-        if ti.static("relative_spin" in forces.needs):
-            contact.relative_spin = -ti.cast(g.spin[k], self.real)
+        if ti.static("relative_angular_velocity" in forces.needs):
+            contact.relative_angular_velocity = -ti.cast(g.angular_velocity[k], self.real)
         return contact, depth, arm, feature
 
     @ti.func
     def touch(self, forces: ti.template(), k, dt):
         """Contacts of grain k with all walls, added to the sums of its row. Glued grains feel no walls."""
         g = forces.grains
-        if g.platen[k] < 0:
+        if g.platen_index[k] < 0:
             for w in range(self.count):
                 r = g.id[k] * self.count + w
                 near = self.height(w, g.position[k]) < g.radius[k] - forces.geometry.least_depth()
@@ -225,9 +225,9 @@ class Walls:
         least = forces.geometry.least_depth()
         if depth > least or was != 0:
             if self.height(w, g.position[k]) <= 0.0:
-                forces.geometry.faults.report(WALL, g.id[k], w)
-            for law in ti.static(forces.laws):
-                self.apply(forces, contact, law, k, r)
+                forces.geometry.error_flags.report(WALL, g.id[k], w)
+            for effect in ti.static(forces.contact_effects):
+                self.apply(forces, contact, effect, k, r)
             f = contact.normal_force * contact.normal + contact.tangential_force
             self.row_force[r] = f
             g.force[k] = g.force[k] - f
@@ -235,8 +235,8 @@ class Walls:
                 turning = torque_of(arm, contact.tangential_force)
                 if ti.static(forces.shaped):  # else the normal force goes through the centre
                     turning = torque_of(arm, f)
-                if ti.static(forces.couples):
-                    turning += contact.couple
+                if ti.static(forces.adds_moment):
+                    turning += contact.contact_moment
                 g.torque[k] = g.torque[k] - turning
             status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
             if ti.static(forces.reaches):
@@ -245,49 +245,49 @@ class Walls:
                 touching = ti.cast(contact.touching, ti.i32)
                 if touching != was & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
-                    ease = forces.correction.mobility(k, torque_of(arm, contact.normal))
-                    size = forces.correction.impulse(touching, depth, last, earlier, ease, dt)
+                    inverse_effective_mass = forces.correction.mobility(k, torque_of(arm, contact.normal))
+                    size = forces.correction.impulse(touching, depth, last, earlier, inverse_effective_mass, dt)
                     if size != 0.0:
-                        status += KICKED
-                        self.row_kick[r] = size * contact.normal
-                        g.kicked[k] = ti.cast(1, ti.i8)
-                        if ti.static(forces.twists):
-                            g.twist[k] = g.twist[k] - torque_of(arm, size * contact.normal)
+                        status += HAS_IMPULSE
+                        self.row_impulse[r] = size * contact.normal
+                        g.has_impulse[k] = ti.cast(1, ti.i8)
+                        if ti.static(forces.has_angular_impulse):
+                            g.angular_impulse[k] = g.angular_impulse[k] - torque_of(arm, size * contact.normal)
             self.row_status[r] = ti.cast(status, ti.i8)
             self.marked[g.id[k] // BLOCK] = 1  # whoever comes first writes the same
 
     @ti.func
-    def apply(self, forces: ti.template(), contact: ti.template(), law: ti.template(), k, r):
+    def apply(self, forces: ti.template(), contact: ti.template(), effect: ti.template(), k, r):
         """Add one law to the contact, with its history in row r, and book what it dissipates."""
         g = forces.grains
         lost = 0.0 * contact.depth
-        if ti.static(law.history_size(self.dim) > 0):
-            memory = self.history_of(forces, law, r)
-            lost = law.on_contact(contact, memory)
-            first, size = ti.static(forces.history_slice(law))
+        if ti.static(effect.history_size(self.dim) > 0):
+            memory = self.history_of(forces, effect, r)
+            lost = effect.on_contact(contact, memory)
+            first, size = ti.static(forces.history_slice(effect))
             for c in ti.static(range(size)):
                 self.row_history[r][first + c] = memory[c]
         else:
-            lost = law.on_contact(contact, 0)
-        if ti.static(forces.ledger and law.dissipates):
-            book = ti.static(forces.book_of(law))
-            g.dissipated[k][book] = g.dissipated[k][book] + ti.cast(lost, ti.f64)
+            lost = effect.on_contact(contact, 0)
+        if ti.static(forces.track_dissipation and effect.dissipates):
+            channel = ti.static(forces.channel_of(effect))
+            g.dissipated[k][channel] = g.dissipated[k][channel] + ti.cast(lost, ti.f64)
 
     @ti.func
-    def history_of(self, forces: ti.template(), law: ti.template(), r):
+    def history_of(self, forces: ti.template(), effect: ti.template(), r):
         """The law's own values of row r."""
-        first, size = ti.static(forces.history_slice(law))
+        first, size = ti.static(forces.history_slice(effect))
         return ti.Vector([self.row_history[r][first + c] for c in range(size)], self.real)
 
     @ti.func
-    def kick_on(self, forces: ti.template(), k):
+    def impulse_on(self, forces: ti.template(), k):
         """Impulse of the walls on grain k [N s]."""
-        kick = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
+        impulse = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
         for w in range(self.count):
             r = forces.grains.id[k] * self.count + w
-            if self.row_status[r] & KICKED:
-                kick -= self.row_kick[r]
-        return kick
+            if self.row_status[r] & HAS_IMPULSE:
+                impulse -= self.row_impulse[r]
+        return impulse
 
     @ti.func
     def depths_before(self, forces: ti.template(), k, w, feature, n, dt):
@@ -299,10 +299,10 @@ class Walls:
         top_1 = g.radius[k]
         top_2 = top_1
         if ti.static(forces.shaped):
-            turn = turned(g.orientation[k], g.spin[k], -dt)
-            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, turn, n)
+            turn = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
+            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, turn, n)
             top_1 = point.dot(n)
-            turn = turned(turn, g.last_spin[k], -dt)
-            point, radius = forces.geometry.surface.surface_point(g.shape[k], k, feature, turn, n)
+            turn = advanced_orientation(turn, g.last_angular_velocity[k], -dt)
+            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, turn, n)
             top_2 = point.dot(n)
         return top_1 - ti.cast(height_1, self.real), top_2 - ti.cast(height_2, self.real)

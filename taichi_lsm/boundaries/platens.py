@@ -134,7 +134,7 @@ class Platens:
     def carry(self, k, dt):
         """Move a glued grain with its platen."""
         g = self.grains
-        v = self.velocity[g.platen[k]]
+        v = self.velocity[g.platen_index[k]]
         g.velocity[k] = v
         g.position[k] = g.position[k] + v * dt
 
@@ -144,7 +144,7 @@ class Platens:
         for p in ti.static(range(self.count)):
             total = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
             for m in range(ti.static(self.first[p]), ti.static(self.first[p + 1])):
-                force, torque, kick, twist = forces.gathered(self.grains.slot_of[self.member[m]])
+                force, torque, kick, angular_impulse = forces.gathered(self.grains.slot_of[self.member[m]])
                 total += force
                 if ti.static(forces.onset):
                     total += kick / dt

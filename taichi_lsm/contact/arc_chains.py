@@ -3,11 +3,11 @@
 import numpy as np
 
 from ..core.fields import allocate, fill_rows, rounded_capacity
-from ..core.rotation import rotate, spin_velocity, unrotate
+from ..core.rotation import rotate, rotational_velocity, unrotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
 from .error_flags import OVERLAP
-from .primitives import ROUND_CAP, cone_step, cone_violation, cross2, sphere_overlap
+from .primitives import SPHERE_OVERLAP_LIMIT, cone_step, cone_violation, cross2, sphere_overlap
 
 PART_ROWS = [
     Variable("first", ("part",), "i32", "1", "first patch of the part"),
@@ -47,17 +47,17 @@ class ChainTable:
         seams = [p.seam[i] if len(p.seam) else np.zeros((2, 2)) for p, i in zip(parts, closed)]
         fill_rows(self.seam, np.concatenate(seams))
 
-    def contact(self, grains, pairs, faults, domain):
+    def contact(self, grains, pairs, error_flags, domain):
         """The geometry that reads this table."""
-        return ChainContact(self, grains, pairs, faults, domain)
+        return ChainContact(self, grains, pairs, error_flags, domain)
 
 
 @ti.data_oriented
 class ChainContact:
     """Finds where two chains touch; the pair of arcs is remembered in `pairs.feature`."""
 
-    def __init__(self, table, grains, pairs, faults, domain):
-        self.table, self.grains, self.pairs, self.faults, self.domain = table, grains, pairs, faults, domain
+    def __init__(self, table, grains, pairs, error_flags, domain):
+        self.table, self.grains, self.pairs, self.error_flags, self.domain = table, grains, pairs, error_flags, domain
         self.real = current().real
         # one accepted violation of a seam, for directions that rounding leaves between two arcs
         self.seam_tolerance = 1e-12 if self.real == ti.f64 else 1e-5
@@ -72,16 +72,16 @@ class ChainContact:
         return self.placed(a, b, k, l, i, j, d, g.orientation[k], g.orientation[l])
 
     @ti.func
-    def placed(self, a, b, k, l, i, j, d, orientation_k, orientation_l):
+    def placed(self, a, b, k, l, i, j, d, q_k, q_l):
         """`facing` of grains that are turned otherwise than now."""
         g, t = self.grains, self.table
         row_i, row_j = t.first[a] + i, t.first[b] + j
-        turn_k, turn_l = ti.cast(orientation_k, self.real), ti.cast(orientation_l, self.real)
-        p_i = rotate(turn_k, t.centre[row_i]) * g.scale[k]
-        w = d + rotate(turn_l, t.centre[row_j]) * g.scale[l] - p_i
-        r_i, r_j = t.patch_radius[row_i] * g.scale[k], t.patch_radius[row_j] * g.scale[l]
+        q_k, q_l = ti.cast(q_k, self.real), ti.cast(q_l, self.real)
+        p_i = rotate(q_k, t.centre[row_i]) * g.diameter[k]
+        w = d + rotate(q_l, t.centre[row_j]) * g.diameter[l] - p_i
+        r_i, r_j = t.patch_radius[row_i] * g.diameter[k], t.patch_radius[row_j] * g.diameter[l]
         depth, n, at = sphere_overlap(w, r_i, r_j)
-        return p_i + at * n, depth, n, unrotate(turn_k, n), -unrotate(turn_l, n)
+        return p_i + at * n, depth, n, unrotate(q_k, n), -unrotate(q_l, n)
 
     @ti.func
     def arc_towards(self, a, k, u):
@@ -107,8 +107,8 @@ class ChainContact:
         `turn`; its radius) [m]."""
         g, t = self.grains, self.table
         row = t.first[a] + i
-        radius = t.patch_radius[row] * g.scale[k]
-        return rotate(ti.cast(turn, self.real), t.centre[row]) * g.scale[k] + radius * n, radius
+        radius = t.patch_radius[row] * g.diameter[k]
+        return rotate(ti.cast(turn, self.real), t.centre[row]) * g.diameter[k] + radius * n, radius
 
     @ti.func
     def overlap(self, a, b, k, l, s, d):
@@ -126,7 +126,7 @@ class ChainContact:
             i, j = self.arc_towards(a, k, d / d.norm()), self.arc_towards(b, l, -d / d.norm())
         n_i, n_j = t.patches[a], t.patches[b]
         first_i, first_j = t.first[a], t.first[b]
-        cap = g.cap_radius[k] + g.cap_radius[l]
+        cap = g.overlap_limit[k] + g.overlap_limit[l]
         x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
         limit = n_i + n_j
         tries = 0
@@ -148,8 +148,8 @@ class ChainContact:
         if tries == limit or depth >= cap:
             i, j = self.least_violation(a, b, k, l, d, cap)
             x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
-        if n_i + n_j == 2 and depth >= ROUND_CAP * cap:
-            self.faults.report(OVERLAP, g.id[k], g.id[l])
+        if n_i + n_j == 2 and depth >= SPHERE_OVERLAP_LIMIT * cap:
+            self.error_flags.report(OVERLAP, g.id[k], g.id[l])
         if i != feature[0] or j != feature[1]:
             pairs.feature[s] = ti.Vector([i, j])
         return depth, n, x
@@ -169,10 +169,10 @@ class ChainContact:
         return time
 
     @ti.func
-    def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
+    def continued(self, a, b, k, l, features, d, q_k, q_l, n):
         """(depth [m], unit normal, contact point relative to grain k [m]) of arcs continued as circles, for grains
         placed otherwise than now."""
-        x, depth, n, u_k, u_l = self.placed(a, b, k, l, features[0], features[1], d, orientation_k, orientation_l)
+        x, depth, n, u_k, u_l = self.placed(a, b, k, l, features[0], features[1], d, q_k, q_l)
         return depth, n, x
 
     @ti.func
@@ -182,14 +182,14 @@ class ChainContact:
         g, t = self.grains, self.table
         i, j = before[0], before[1]
         x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
-        omega_k, omega_l = ti.cast(g.spin[k], self.real), ti.cast(g.spin[l], self.real)
-        p_i = x - n * (t.patch_radius[t.first[a] + i] * g.scale[k] - 0.5 * depth)
-        p_j = x - d + n * (t.patch_radius[t.first[b] + j] * g.scale[l] - 0.5 * depth)
+        omega_k, omega_l = ti.cast(g.angular_velocity[k], self.real), ti.cast(g.angular_velocity[l], self.real)
+        p_i = x - n * (t.patch_radius[t.first[a] + i] * g.diameter[k] - 0.5 * depth)
+        p_j = x - d + n * (t.patch_radius[t.first[b] + j] * g.diameter[l] - 0.5 * depth)
         w = p_j + d - p_i
         v = (
             ti.cast(g.velocity[l] - g.velocity[k], self.real)
-            + spin_velocity(omega_l, p_j)
-            - spin_velocity(omega_k, p_i)
+            + rotational_velocity(omega_l, p_j)
+            - rotational_velocity(omega_k, p_i)
         )
         if ti.static(self.domain.sheared):
             v[0] -= ti.cast(self.domain.border_speed(g.position[k], g.position[l]), self.real)
@@ -202,8 +202,8 @@ class ChainContact:
         """Radii of curvature [m] of both surfaces where they face each other."""
         g, t = self.grains, self.table
         feature = ti.max(self.pairs.feature[s], 0)
-        r_i = t.patch_radius[t.first[a] + feature[0]] * g.scale[k]
-        return r_i, t.patch_radius[t.first[b] + feature[1]] * g.scale[l]
+        r_i = t.patch_radius[t.first[a] + feature[0]] * g.diameter[k]
+        return r_i, t.patch_radius[t.first[b] + feature[1]] * g.diameter[l]
 
     @ti.func
     def least_violation(self, a, b, k, l, d, cap):
@@ -225,5 +225,5 @@ class ChainContact:
                 if depth < cap and miss < least:
                     least, best_i, best_j = miss, i, j
         if least > self.seam_tolerance:
-            self.faults.report(OVERLAP, g.id[k], g.id[l])
+            self.error_flags.report(OVERLAP, g.id[k], g.id[l])
         return best_i, best_j

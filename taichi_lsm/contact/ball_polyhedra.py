@@ -8,7 +8,7 @@ from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
 from .error_flags import OVERLAP
 from .feature_pairs import around, core_point, stationary_normal
-from .primitives import ROUND_CAP
+from .primitives import SPHERE_OVERLAP_LIMIT
 
 PART_ROWS = [
     Variable("first", ("part",), "i32", "1", "first feature of the part"),
@@ -59,7 +59,7 @@ class PolyhedronTable:
         before = np.cumsum(bounds) - bounds
         fill_rows(self.first, np.cumsum(counts + 1) - counts - 1)
         fill_rows(self.features, counts)
-        fill_rows(self.dilation, np.array([p.cap_radius for p in parts]))
+        fill_rows(self.dilation, np.array([p.overlap_limit for p in parts]))
 
         def padded(name):
             return np.concatenate([np.concatenate([t[name], np.zeros_like(t[name][:1])]) for t in tables])
@@ -74,9 +74,9 @@ class PolyhedronTable:
             fill_rows(self.offset, np.concatenate([t["bound_offset"] for t in tables]))
             fill_rows(self.beyond, np.concatenate([t["bound_next"] for t in tables]))
 
-    def contact(self, grains, pairs, faults, domain):
+    def contact(self, grains, pairs, error_flags, domain):
         """The geometry that reads this table."""
-        return PolyhedronContact(self, grains, pairs, faults)
+        return PolyhedronContact(self, grains, pairs, error_flags)
 
 
 def _features(part):
@@ -99,8 +99,8 @@ class PolyhedronContact:
     normal cones of both. Otherwise the feature whose cone it misses by more gives way to the one beyond that bound.
     """
 
-    def __init__(self, table, grains, pairs, faults):
-        self.table, self.grains, self.pairs, self.faults = table, grains, pairs, faults
+    def __init__(self, table, grains, pairs, error_flags):
+        self.table, self.grains, self.pairs, self.error_flags = table, grains, pairs, error_flags
         self.real = current().real
         precise = self.real == ti.f64
         # Normals this far outside a cone still count as inside: surfaces are G1, so the force barely notices, and
@@ -115,11 +115,11 @@ class PolyhedronContact:
         g, t = self.grains, self.table
         row = t.first[a] + f
         turn = ti.cast(orientation, self.real)
-        rho = t.ring_radius[row] * g.scale[k]
+        rho = t.ring_radius[row] * g.diameter[k]
         axis = t.ring_axis[row]
         if rho > 0.0:
             axis = rotate(turn, axis)
-        return rotate(turn, t.centre[row]) * g.scale[k], axis, rho, t.surface_radius[row] * g.scale[k]
+        return rotate(turn, t.centre[row]) * g.diameter[k], axis, rho, t.surface_radius[row] * g.diameter[k]
 
     @ti.func
     def worst_bound(self, a, f, u):
@@ -167,15 +167,15 @@ class PolyhedronContact:
     def overlap(self, a, b, k, l, s, d):
         """(depth [m], unit normal k -> l, contact point relative to grain k [m]) of part a of k and part b of l."""
         g, pairs = self.grains, self.pairs
-        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
-        cap = g.cap_radius[k] + g.cap_radius[l]
+        q_k, q_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        cap = g.overlap_limit[k] + g.overlap_limit[l]
         if self.table.features[a] + self.table.features[b] == 2:  # two balls
-            cap *= ROUND_CAP
+            cap *= SPHERE_OVERLAP_LIMIT
         i, j = pairs.feature[s][0], pairs.feature[s][1]
         n = pairs.normal[s]
         if i < 0:
             n = d.normalized()
-            i, j = self.feature_of(a, unrotate(turn_k, n), 0), self.feature_of(b, -unrotate(turn_l, n), 0)
+            i, j = self.feature_of(a, unrotate(q_k, n), 0), self.feature_of(b, -unrotate(q_l, n), 0)
         depth = 0.0 * d[0]
         x_i, x_j = 0.0 * d, 0.0 * d
         tries, facing = 0, 0
@@ -187,8 +187,8 @@ class PolyhedronContact:
             tries = ti.select(found == 1, tries + 1, PAIR_WALK)
             if found == 1:
                 n = m
-                miss_i, beyond_i = self.worst_bound(a, i, unrotate(turn_k, n))
-                miss_j, beyond_j = self.worst_bound(b, j, -unrotate(turn_l, n))
+                miss_i, beyond_i = self.worst_bound(a, i, unrotate(q_k, n))
+                miss_j, beyond_j = self.worst_bound(b, j, -unrotate(q_l, n))
                 if ti.max(miss_i, miss_j) <= self.seam_tolerance:
                     facing = 1
                     x_i = c_i + core_point(n, axis_i, rho_i) + r_i * n
@@ -206,7 +206,7 @@ class PolyhedronContact:
             x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
             depth = (x_i - x_j).dot(n)
             if depth >= cap:
-                self.faults.report(OVERLAP, g.id[k], g.id[l])
+                self.error_flags.report(OVERLAP, g.id[k], g.id[l])
         pairs.normal[s] = n
         if i != pairs.feature[s][0] or j != pairs.feature[s][1]:
             pairs.feature[s] = ti.Vector([i, j])
@@ -226,11 +226,11 @@ class PolyhedronContact:
         return part
 
     @ti.func
-    def continued(self, a, b, k, l, features, d, orientation_k, orientation_l, n):
+    def continued(self, a, b, k, l, features, d, q_k, q_l, n):
         """(depth [m], unit normal, contact point from k [m]) of features continued past their bounds,
         for grains placed otherwise than now; depth -1 where there is none. The normal n starts the search."""
-        c_i, axis_i, rho_i, r_i = self.placed(a, features[0], k, orientation_k)
-        c_j, axis_j, rho_j, r_j = self.placed(b, features[1], l, orientation_l)
+        c_i, axis_i, rho_i, r_i = self.placed(a, features[0], k, q_k)
+        c_j, axis_j, rho_j, r_j = self.placed(b, features[1], l, q_l)
         n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)
         x_i = c_i + core_point(n, axis_i, rho_i) + r_i * n
         x_j = d + c_j + core_point(-n, axis_j, rho_j) - r_j * n
@@ -242,14 +242,14 @@ class PolyhedronContact:
         """What the features `before`, continued beyond their bounds, give now: (fraction of the step since the contact
         left them, depth [m], unit normal, contact point relative to grain k [m])."""
         g = self.grains
-        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        q_k, q_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
         depth, n, x = self.continued(a, b, k, l, before, d, g.orientation[k], g.orientation[l], last_n)
         # the last normal as the bodies saw it, when they were turned less
-        seen_k = last_n + dt * ti.cast(g.spin[k], self.real).cross(last_n)
-        seen_l = last_n + dt * ti.cast(g.spin[l], self.real).cross(last_n)
+        seen_k = last_n + dt * ti.cast(g.angular_velocity[k], self.real).cross(last_n)
+        seen_l = last_n + dt * ti.cast(g.angular_velocity[l], self.real).cross(last_n)
         part = ti.max(
-            self.leaving(a, before[0], unrotate(turn_k, n), unrotate(turn_k, seen_k)),
-            self.leaving(b, before[1], -unrotate(turn_l, n), -unrotate(turn_l, seen_l)),
+            self.leaving(a, before[0], unrotate(q_k, n), unrotate(q_k, seen_k)),
+            self.leaving(b, before[1], -unrotate(q_l, n), -unrotate(q_l, seen_l)),
         )
         return part, depth, n, x
 
@@ -273,8 +273,8 @@ class PolyhedronContact:
         Of use where a contact begins or its features jump; it stops as soon as a direction separates the grains.
         """
         g, t = self.grains, self.table
-        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
-        round_k, round_l = t.dilation[a] * g.scale[k], t.dilation[b] * g.scale[l]
+        q_k, q_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        round_k, round_l = t.dilation[a] * g.diameter[k], t.dilation[b] * g.diameter[l]
         size = g.radius[k] + g.radius[l]
         n = d.normalized()
         from_n, step, slope, length = n, 0.0 * n, 0.0 * size, ti.cast(1.0, self.real)
@@ -282,8 +282,8 @@ class PolyhedronContact:
         searching = 1
         for _ in range(DESCENT):
             if searching == 1:
-                i = self.feature_of(a, unrotate(turn_k, n), i)
-                j = self.feature_of(b, -unrotate(turn_l, n), j)
+                i = self.feature_of(a, unrotate(q_k, n), i)
+                j = self.feature_of(b, -unrotate(q_l, n), j)
                 c_i, axis_i, rho_i, r_i = self.placed(a, i, k, g.orientation[k])
                 c_j, axis_j, rho_j, r_j = self.placed(b, j, l, g.orientation[l])
                 core_i, core_j = r_i - round_k, r_j - round_l

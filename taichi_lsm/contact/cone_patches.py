@@ -11,7 +11,7 @@ from ..core.rotation import rotate, unrotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
 from .error_flags import OVERLAP
-from .primitives import ROUND_CAP, sphere_overlap
+from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
 
 FULL = -2.0  # cosine of a full patch: below every cosine
 
@@ -44,32 +44,32 @@ class ConeTable:
         fill_rows(self.axis, axis)
         fill_rows(self.cosine, np.where(angle < np.pi, np.cos(angle), FULL))
 
-    def contact(self, grains, pairs, faults, domain):
+    def contact(self, grains, pairs, error_flags, domain):
         """The geometry that reads this table."""
-        return ConeContact(self, grains, faults)
+        return ConeContact(self, grains, error_flags)
 
 
 @ti.data_oriented
 class ConeContact:
     """The corrected cone test, Eqs. (2)-(9), of one pair of patches."""
 
-    def __init__(self, table, grains, faults):
-        self.table, self.grains, self.faults = table, grains, faults
+    def __init__(self, table, grains, error_flags):
+        self.table, self.grains, self.error_flags = table, grains, error_flags
         self.real = current().real
 
     @ti.func
-    def placed(self, a, b, k, l, d, turn_k, turn_l):
+    def placed(self, a, b, k, l, d, q_k, q_l):
         """(depth [m], unit normal, contact point relative to grain k [m]) of two patches taken as full spheres."""
         g, t = self.grains, self.table
-        p_i = rotate(turn_k, t.centre[a]) * g.scale[k]
-        w = d + rotate(turn_l, t.centre[b]) * g.scale[l] - p_i
-        depth, n, at = sphere_overlap(w, t.patch_radius[a] * g.scale[k], t.patch_radius[b] * g.scale[l])
+        p_i = rotate(q_k, t.centre[a]) * g.diameter[k]
+        w = d + rotate(q_l, t.centre[b]) * g.diameter[l] - p_i
+        depth, n, at = sphere_overlap(w, t.patch_radius[a] * g.diameter[k], t.patch_radius[b] * g.diameter[l])
         return depth, n, p_i + at * n
 
     @ti.func
-    def continued(self, a, b, k, l, unused, d, orientation_k, orientation_l, n):
+    def continued(self, a, b, k, l, unused, d, q_k, q_l, n):
         """As `placed`, for grains turned otherwise than now."""
-        return self.placed(a, b, k, l, d, ti.cast(orientation_k, self.real), ti.cast(orientation_l, self.real))
+        return self.placed(a, b, k, l, d, ti.cast(q_k, self.real), ti.cast(q_l, self.real))
 
     @ti.func
     def overlap(self, a, b, k, l, s, d):
@@ -79,12 +79,12 @@ class ConeContact:
         the least radii allow: that is no contact. For two full spheres it is a fault.
         """
         g, t = self.grains, self.table
-        turn_k, turn_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
-        depth, n, x = self.placed(a, b, k, l, d, turn_k, turn_l)
-        faces = t.axis[a].dot(unrotate(turn_k, n)) >= t.cosine[a] and -t.axis[b].dot(unrotate(turn_l, n)) >= t.cosine[b]
-        cap = g.cap_radius[k] + g.cap_radius[l]
-        if t.cosine[a] < -1.0 and t.cosine[b] < -1.0 and depth >= ROUND_CAP * cap:
-            self.faults.report(OVERLAP, g.id[k], g.id[l])
+        q_k, q_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
+        depth, n, x = self.placed(a, b, k, l, d, q_k, q_l)
+        faces = t.axis[a].dot(unrotate(q_k, n)) >= t.cosine[a] and -t.axis[b].dot(unrotate(q_l, n)) >= t.cosine[b]
+        cap = g.overlap_limit[k] + g.overlap_limit[l]
+        if t.cosine[a] < -1.0 and t.cosine[b] < -1.0 and depth >= SPHERE_OVERLAP_LIMIT * cap:
+            self.error_flags.report(OVERLAP, g.id[k], g.id[l])
         if depth >= cap:
             faces = False
         if not faces:

@@ -18,7 +18,7 @@ def block_width():
     return WIDTH if current().arch == "cpu" else 1
 
 
-def lane_type(scalars, vectors, integers):
+def block_type(scalars, vectors, integers):
     """Taichi struct of local arrays: real numbers `scalars`, {name: components} `vectors`, and `integers`.
 
     Every component of a vector is an array of its own: the compiler sees that those do not overlap either.
@@ -31,16 +31,16 @@ def lane_type(scalars, vectors, integers):
 
 
 @ti.func
-def put(lanes: ti.template(), name: ti.template(), i, a: ti.template()):
+def put(block: ti.template(), name: ti.template(), i, a: ti.template()):
     """Write vector `a` to place i of the lanes `name`."""
     for axis in ti.static(range(a.n)):
-        lanes[name + AXIS[axis]][i] = a[axis]
+        block[name + AXIS[axis]][i] = a[axis]
 
 
 @ti.func
-def get(lanes: ti.template(), name: ti.template(), i, size: ti.template()):
+def get(block: ti.template(), name: ti.template(), i, size: ti.template()):
     """Vector of `size` components at place i of the lanes `name`."""
-    return ti.Vector([lanes[name + AXIS[axis]][i] for axis in range(size)])
+    return ti.Vector([block[name + AXIS[axis]][i] for axis in range(size)])
 
 
 @ti.func

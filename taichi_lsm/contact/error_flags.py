@@ -7,7 +7,7 @@ OVERLAP, WALL = 1, 2  # codes
 
 
 @ti.data_oriented
-class Faults:
+class ErrorFlags:
     """The worst fault of a launch and the persistent ids of its two grains, or of its grain and wall."""
 
     def __init__(self):

@@ -38,7 +38,7 @@ class NeighbourList:
             g.built_position[k] = g.position[k]
             if ti.static(self.search.domain.sheared):
                 self.search.domain.built_strain[0] = self.search.domain.strain[0]
-            if ti.static(p.several):
+            if ti.static(p.multi_part):
                 g.built_orientation[k] = g.orientation[k]
             old = g.previous_slot[k]
             o = p.old_start[old]
@@ -92,8 +92,8 @@ class NeighbourList:
 
 def grown(pairs, dim, grain_capacity, rotates, capacity):
     """Larger storage with the rows of `pairs` copied, so that a rebuild can carry their memory over."""
-    kind, history, onset, several = pairs.kind, pairs.history_size, pairs.onset, pairs.several
-    larger = Pairs(dim, grain_capacity, capacity, rotates, kind, history, onset, several)
+    kind, history, onset, multi_part = pairs.kind, pairs.history_size, pairs.onset, pairs.multi_part
+    larger = Pairs(dim, grain_capacity, capacity, rotates, kind, history, onset, multi_part)
     for name in ["row_start"] + [v.name for v in pairs.variables]:
         raw = getattr(larger, name).to_numpy()
         small = getattr(pairs, name).to_numpy()

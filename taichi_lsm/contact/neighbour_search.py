@@ -20,7 +20,7 @@ class NeighbourSearch:
     def __init__(self, grains, domain, skin, parts=None, bonds=None):
         self.grains = grains
         self.domain = domain
-        self.parts, self.several = parts, parts is not None
+        self.parts, self.multi_part = parts, parts is not None
         self.bonds, self.bonded = bonds, bonds is not None
         self.real, self.serial = current().real, current().serial
         self.dim = grains.dim
@@ -28,7 +28,7 @@ class NeighbourSearch:
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
-        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if self.several else self.row_count
+        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if self.multi_part else self.row_count
         self.trouble = ti.field(ti.i32, 3)  # 1 + id of a grain that is nowhere, of a crushed platen, of one that jumps
         self.fastest = ti.field(ti.f64, ())
         self.searches = 0
@@ -49,10 +49,10 @@ class NeighbourSearch:
         d = self.domain.displacement(g.position[k], g.position[l])
         reach = ti.cast(g.radius[k] + g.radius[l], ti.f64)
         near = ti.cast(d.dot(d) < (reach + self.skin[None]) ** 2, ti.i32) & ti.cast(g.id[l] > g.id[k], ti.i32)
-        if g.platen[k] >= 0:
-            if near == 1 and g.platen[l] >= 0:
+        if g.platen_index[k] >= 0:
+            if near == 1 and g.platen_index[l] >= 0:
                 near = 0
-                if g.platen[k] != g.platen[l] and d.dot(d) < reach * reach:
+                if g.platen_index[k] != g.platen_index[l] and d.dot(d) < reach * reach:
                     self.trouble[1] = g.id[k] + 1
         if ti.static(self.bonded):
             if near == 1:
@@ -96,10 +96,10 @@ class NeighbourSearch:
         """Number of pairs that grain l adds to the row of grain k, which begins at s and holds `found` pairs."""
         g = self.grains
         more = 1
-        if ti.static(self.several):
+        if ti.static(self.multi_part):
             more = 0
-            for a in range(self.parts.count[g.shape[k]]):
-                for b in range(self.parts.count[g.shape[l]]):
+            for a in range(self.parts.count[g.shape_index[k]]):
+                for b in range(self.parts.count[g.shape_index[l]]):
                     if self.near_parts(k, l, a, b):
                         if ti.static(fill):
                             self.insert(s, found + more, k, l, a * PART_BASE + b, p)
@@ -123,12 +123,12 @@ class NeighbourSearch:
         while at > s and p.partner_id[at - 1] > g.id[l]:
             p.partner_id[at] = p.partner_id[at - 1]
             p.partner[at] = p.partner[at - 1]
-            if ti.static(self.several):
+            if ti.static(self.multi_part):
                 p.part_code[at] = p.part_code[at - 1]
             at -= 1
         p.partner_id[at] = g.id[l]
         p.partner[at] = l
-        if ti.static(self.several):
+        if ti.static(self.multi_part):
             p.part_code[at] = code
 
     @ti.kernel
@@ -144,7 +144,7 @@ class NeighbourSearch:
             while k >= 0:
                 self.note_trouble(k, jump)
                 self.found_count[k] = self.search(k, lists, number)
-                if ti.static(self.several):
+                if ti.static(self.multi_part):
                     self.row_count[k] = self.visit(k, 0, 0, False)
                 k = self.grid.next[k] - 1
         total = 0
@@ -163,10 +163,10 @@ class NeighbourSearch:
         if ti.static(self.domain.sheared):
             v[0] -= self.domain.shear_rate[0] * g.position[k][1]
         speed = v.norm()
-        if g.platen[k] < 0 and speed * jump > g.radius[k]:
+        if g.platen_index[k] < 0 and speed * jump > g.radius[k]:
             self.trouble[2] = g.id[k] + 1
-        if ti.static(self.several):
-            fastest = ti.abs(g.spin[k][0]) if ti.static(self.dim == 2) else g.spin[k].norm()
+        if ti.static(self.multi_part):
+            fastest = ti.abs(g.angular_velocity[k][0]) if ti.static(self.dim == 2) else g.angular_velocity[k].norm()
             speed += fastest * g.radius[k]
         ti.atomic_max(self.fastest[None], speed)
 

@@ -3,7 +3,7 @@
 from ..core.runtime import current, ti, when_allocated
 from .error_flags import OVERLAP
 from .pair_storage import PART_BASE
-from .primitives import ROUND_CAP, sphere_overlap
+from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
 
 
 @ti.data_oriented
@@ -12,15 +12,15 @@ class PairGeometry:
 
     surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one; reach
     [m]: distance of the surfaces up to which a law acts, 0 if all need them to touch.
-    A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `faults`.
+    A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `error_flags`.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, faults, reach=0.0):
-        self.grains, self.domain, self.pairs, self.faults = grains, domain, pairs, faults
-        self.parts, self.several = parts, parts is not None
+    def __init__(self, grains, surfaces, parts, domain, pairs, error_flags, reach=0.0):
+        self.grains, self.domain, self.pairs, self.error_flags = grains, domain, pairs, error_flags
+        self.parts, self.multi_part = parts, parts is not None
         self.shaped = surfaces is not None
         if self.shaped:
-            self.surface = surfaces.contact(grains, pairs, faults, domain)
+            self.surface = surfaces.contact(grains, pairs, error_flags, domain)
         self.real = current().real
         self.dim = grains.dim
         self.reaches = reach > 0.0
@@ -65,7 +65,7 @@ class PairGeometry:
         return ti.cast(v, self.real)
 
     @ti.func
-    def book_shear(self, k, moment):
+    def add_shear_work(self, k, moment):
         """Enter the work -rate sigma_xy V dt of shearing; moment [N m s]: part of sigma_xy V dt of grain k's row."""
         g = self.grains
         g.shear_work[k] = g.shear_work[k] - self.domain.shear_rate[0] * moment
@@ -74,8 +74,8 @@ class PairGeometry:
     def parts_of(self, k, l, s):
         """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
         g = self.grains
-        a, b = g.shape[k], g.shape[l]
-        if ti.static(self.several):
+        a, b = g.shape_index[k], g.shape_index[l]
+        if ti.static(self.multi_part):
             code = self.pairs.part_code[s]
             a = self.parts.first[a] + code // PART_BASE
             b = self.parts.first[b] + code % PART_BASE
@@ -87,7 +87,7 @@ class PairGeometry:
         are not near until their surfaces have travelled so far that they may touch."""
         g = self.grains
         meet = d.dot(d) < (g.radius[k] + g.radius[l] - self.least_depth()) ** 2
-        if ti.static(self.several):
+        if ti.static(self.multi_part):
             code = self.pairs.part_code[s]
             meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()
         if ti.static(self.remembers):
@@ -111,18 +111,18 @@ class PairGeometry:
             else:
                 depth, n, at = sphere_overlap(d, r_k, r_l)
                 arm_k = at * n
-                self.check_cap(k, l, depth)
+                self.check_overlap_limit(k, l, depth)
             arm_l = arm_k - d
         else:  # parts may reach out of the bounding sphere of their grain: no more is known than its distance
             depth = r_k + r_l - d.norm()
         return depth, n, arm_k, arm_l
 
     @ti.func
-    def check_cap(self, k, l, depth):
+    def check_overlap_limit(self, k, l, depth):
         """Report two spheres whose depth [m] reached their cap."""
         g = self.grains
-        if depth >= ROUND_CAP * (g.radius[k] + g.radius[l]):
-            self.faults.report(OVERLAP, g.id[k], g.id[l])
+        if depth >= SPHERE_OVERLAP_LIMIT * (g.radius[k] + g.radius[l]):
+            self.error_flags.report(OVERLAP, g.id[k], g.id[l])
 
     @ti.func
     def remembered(self, s):

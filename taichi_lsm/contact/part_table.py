@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..core.fields import allocate, fill_rows, rounded_capacity, turn_size
+from ..core.fields import allocate, fill_rows, orientation_size, rounded_capacity
 from ..core.rotation import rotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
@@ -27,7 +27,9 @@ class PartTable:
         self.real = current().real
         rows = sum(len(s.parts) for s in shapes)
         table = allocate(SHAPE_ROWS, rounded_capacity(len(shapes)), {})
-        balls = allocate(BALL_ROWS, rounded_capacity(rows), {"space": self.dim, "turn": turn_size(self.dim)})
+        balls = allocate(
+            BALL_ROWS, rounded_capacity(rows), {"space": self.dim, "orientation": orientation_size(self.dim)}
+        )
         for name, field in {**vars(table), **vars(balls)}.items():
             setattr(self, name, field)
         when_allocated(lambda: self.fill(shapes))
@@ -45,7 +47,7 @@ class PartTable:
     def apart(self, k, l, a, b, d):
         """Distance of the bounding balls of part a of grain k and part b of grain l, d = c_l - c_k [m]."""
         g = self.grains
-        i, j = self.first[g.shape[k]] + a, self.first[g.shape[l]] + b
-        c_i = rotate(ti.cast(g.orientation[k], self.real), self.centre[i]) * g.scale[k]
-        c_j = rotate(ti.cast(g.orientation[l], self.real), self.centre[j]) * g.scale[l]
-        return (d + c_j - c_i).norm() - self.bound[i] * g.scale[k] - self.bound[j] * g.scale[l]
+        i, j = self.first[g.shape_index[k]] + a, self.first[g.shape_index[l]] + b
+        c_i = rotate(ti.cast(g.orientation[k], self.real), self.centre[i]) * g.diameter[k]
+        c_j = rotate(ti.cast(g.orientation[l], self.real), self.centre[j]) * g.diameter[l]
+        return (d + c_j - c_i).norm() - self.bound[i] * g.diameter[k] - self.bound[j] * g.diameter[l]

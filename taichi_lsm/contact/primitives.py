@@ -5,7 +5,9 @@ All vectors are relative to the first grain of the pair. `n` points from grain k
 
 from ..core.runtime import ti
 
-ROUND_CAP = 0.9  # of the radii of two full circles: no step that `Guards.displacement` allows passes the rest unseen
+SPHERE_OVERLAP_LIMIT = (
+    0.9  # of the radii of two full circles: no step that `Guards.displacement` allows passes the rest unseen
+)
 
 
 @ti.func

@@ -19,7 +19,7 @@ def data_path(name, folders=(PACKAGE / "data", PACKAGE.parent / "data")):
     raise FileNotFoundError(f"data file {name!r} not found; available are {', '.join(there) or 'none'}")
 
 
-def references():
+def published_friction():
     """Published friction coefficients: a list of dicts, one per row of data/friction_references.csv.
 
     source, conditions, shape, kind (laboratory | simulation), reference, note: text; year, dimension: int;

@@ -11,12 +11,12 @@ NUMPY_TYPES = {ti.f64: np.float64, ti.f32: np.float32, ti.i32: np.int32, ti.i8: 
 MANY_ROWS = 200_000
 
 
-def spin_size(dim):
+def rotation_size(dim):
     """Components of an angular velocity: one in 2D, three in 3D."""
     return 1 if dim == 2 else 3
 
 
-def turn_size(dim):
+def orientation_size(dim):
     """Components of an orientation: unit complex number in 2D, unit quaternion in 3D."""
     return 2 if dim == 2 else 4
 

@@ -4,7 +4,7 @@ from .runtime import ti
 
 
 @ti.func
-def spin_velocity(omega, arm):
+def rotational_velocity(omega, arm):
     """Velocity omega x arm [m s-1] of the point at `arm` [m] on a body spinning with omega [rad s-1]."""
     if ti.static(arm.n == 2):
         return ti.Vector([-omega[0] * arm[1], omega[0] * arm[0]])
@@ -86,19 +86,19 @@ def free_rotor(turn, momentum, inverse_inertia, dt):
 
 
 @ti.func
-def spin_of(turn, momentum, inverse_inertia):
+def angular_velocity_of(turn, momentum, inverse_inertia):
     """Angular velocity R I^-1 R^T L [rad s-1] in the world frame (3D)."""
     return rotate(turn, unrotate(turn, momentum) * inverse_inertia)
 
 
 @ti.func
-def momentum_of(turn, spin, inertia):
+def momentum_of(turn, angular_velocity, inertia):
     """Angular momentum R I R^T omega [kg m2 s-1] in the world frame (3D); inertia (3,): principal moments."""
-    return rotate(turn, unrotate(turn, spin) * inertia)
+    return rotate(turn, unrotate(turn, angular_velocity) * inertia)
 
 
 @ti.func
-def turned(turn, omega, dt):
+def advanced_orientation(turn, omega, dt):
     """Orientation after spinning with omega [rad s-1] for dt [s]; replaces Eq. (18), which leaves the rotations.
 
     The Cayley map keeps the norm to rounding; its argument is corrected so that the angle is |omega| dt.
@@ -122,7 +122,7 @@ def turned(turn, omega, dt):
 
 
 @ti.func
-def linear_turn(turn, angle):
+def linear_orientation_change(turn, angle):
     """Change of an orientation by Eq. (18) as printed, omega * R dt; angle = omega dt [rad]. Leaves the rotations."""
     if ti.static(turn.n == 2):
         return ti.Vector([-angle[0] * turn[1], angle[0] * turn[0]])

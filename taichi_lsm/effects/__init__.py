@@ -36,24 +36,24 @@ def find_effects():
 
 
 def make_effects(tables):
-    """Laws from plain data, one mapping each: {"law": "gravity", "acceleration": [0.0, -9.81]}, parameters in SI units.
+    """Effects from plain data, a mapping each: {"name": "gravity", "acceleration": [0.0, -9.81]}, in SI units.
 
     Raises InputError that names what is unknown or missing, what there is, and the nearest name.
     """
-    laws, made = find_effects(), []
+    effects, made = find_effects(), []
     for table in tables:
         values = dict(table)
-        name = values.pop("law", None)
-        if name not in laws:
-            raise InputError(f"law {name!r}: unknown, must be one of {', '.join(laws)}{_nearest(name, laws)}")
-        fields = {field.name: field for field in dataclasses.fields(laws[name])}
+        name = values.pop("name", None)
+        if name not in effects:
+            raise InputError(f"effect {name!r}: unknown, must be one of {', '.join(effects)}{_nearest(name, effects)}")
+        fields = {field.name: field for field in dataclasses.fields(effects[name])}
         for key in values:
             if key not in fields:
                 raise InputError(f"{name}.{key}: unknown, must be one of {', '.join(fields)}{_nearest(key, fields)}")
         lacking = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in values]
         if lacking:
             raise InputError(f"{name}: {', '.join(lacking)} must be given")
-        made.append(laws[name](**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}))
+        made.append(effects[name](**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}))
     return made
 
 

@@ -88,7 +88,7 @@ class Bodies:
     dim: int
     least_mass: float
     least_inertia: float
-    spin_factor: float
+    rotation_factor: float
     lever_factor: float
     coordination: float
     normal_stiffness: float
@@ -98,10 +98,10 @@ class Bodies:
 
 # What a contact holds if a law `needs` it.
 # reduced_radius [m]: R_k R_l/(R_k + R_l) of the radii of curvature; relative_spin [rad s-1]: of l against k.
-OPTIONAL = ("reduced_radius", "relative_spin")
+OPTIONAL = ("reduced_radius", "relative_angular_velocity")
 
 
-def contact_type(dim, laws=()):
+def contact_type(dim, effects=()):
     """Taichi struct of one contact as the laws see it; world frame, relative to the first grain k.
 
     depth [m] >= 0; touching 0 | 1; normal [-] from k to l; approach [m s-1]: closing speed -v_rel . n; slip [m s-1]:
@@ -112,18 +112,18 @@ def contact_type(dim, laws=()):
     real = current().real
     vector = ti.types.vector(dim, real)
     turning = ti.types.vector(1 if dim == 2 else 3, real)
-    wanted = {name for law in laws for name in law.needs}
+    wanted = {name for effect in effects for name in effect.needs}
     more = {"reduced_radius": real} if "reduced_radius" in wanted else {}
-    more |= {"relative_spin": turning} if "relative_spin" in wanted else {}
-    more |= {"couple": turning} if any(law.couples for law in laws) else {}
-    more |= {"gap": real} if any(law.reach() > 0.0 for law in laws) else {}
+    more |= {"relative_angular_velocity": turning} if "relative_angular_velocity" in wanted else {}
+    more |= {"contact_moment": turning} if any(effect.adds_moment for effect in effects) else {}
+    more |= {"gap": real} if any(effect.reach() > 0.0 for effect in effects) else {}
     return ti.types.struct(
         depth=real,
         touching=ti.i32,
         normal=vector,
         approach=real,
         slip=vector,
-        spin_about_normal=real,
+        normal_angular_velocity=real,
         mass=real,
         dt=real,
         normal_force=real,
@@ -141,7 +141,7 @@ class Effect:
     units: dict[str, str] = {}
     history: tuple[HistoryValue, ...] = ()
     needs: tuple[str, ...] = ()
-    couples = False
+    adds_moment = False
     role = ""
     dissipates = False
     variant = ""

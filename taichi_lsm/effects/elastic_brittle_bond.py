@@ -41,8 +41,8 @@ def bond_energy(u, turn, e_k, e_l, stiffness):
     stretch = u.dot(e)
     twice = stiffness[1] * u.dot(u) + (stiffness[0] - stiffness[1]) * stretch * stretch + stiffness[2] * v.dot(v)
     if ti.static(u.n == 3):
-        twist = v.dot(e)
-        twice += (stiffness[3] - stiffness[2]) * twist * twist
+        torsion = v.dot(e)
+        twice += (stiffness[3] - stiffness[2]) * torsion * torsion
     return 0.5 * twice
 
 
@@ -60,9 +60,9 @@ def bond_reaction(u, turn, e_k, e_l, stiffness):
     along = (stiffness[0] - stiffness[1]) * stretch * u  # d energy / d axis
     h = stiffness[2] * v
     if ti.static(u.n == 3):
-        twist = (stiffness[3] - stiffness[2]) * v.dot(e)
-        along += twist * v
-        h += twist * e
+        torsion = (stiffness[3] - stiffness[2]) * v.dot(e)
+        along += torsion * v
+        h += torsion * e
     along = (along - along.dot(e) * e) / size
     couple_k = half * h - torque_of(e_k, along)
     couple_l = -half * h - torque_of(e_l, along)
@@ -78,13 +78,15 @@ def bond_loads(u, turn, e_k, e_l, stiffness):
     """Tension, shear force [N], bending and twisting moment [N m] in the middle of the bond."""
     e, _ = bond_axis(e_k, e_l)
     _, v = bond_turn(turn)
-    stretch, twist = u.dot(e), 0.0 * u[0]
+    stretch, torsion = u.dot(e), 0.0 * u[0]
     bend = v.norm()
     if ti.static(u.n == 3):
-        twist = v.dot(e)
-        bend = (v - twist * e).norm()
+        torsion = v.dot(e)
+        bend = (v - torsion * e).norm()
     shear = (u - stretch * e).norm()
-    return ti.Vector([stiffness[0] * stretch, stiffness[1] * shear, stiffness[2] * bend, stiffness[3] * ti.abs(twist)])
+    return ti.Vector(
+        [stiffness[0] * stretch, stiffness[1] * shear, stiffness[2] * bend, stiffness[3] * ti.abs(torsion)]
+    )
 
 
 @ti.data_oriented

@@ -91,7 +91,9 @@ class Mindlin(Effect):
 
     def stable_dt(self, bodies):
         """As for Hertz, with the leverage R^2 m/I of tangential motion."""
-        per_contact = self.stiffness_per_contact_radius() * bodies.contact_radius_per_mass * (1.0 + bodies.spin_factor)
+        per_contact = (
+            self.stiffness_per_contact_radius() * bodies.contact_radius_per_mass * (1.0 + bodies.rotation_factor)
+        )
         return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
 
     @ti.func

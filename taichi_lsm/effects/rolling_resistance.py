@@ -25,8 +25,8 @@ class RollingResistance(Effect):
 
     phase = "tangential"
     role = "rolling resistance"
-    needs = ("reduced_radius", "relative_spin")
-    couples = True
+    needs = ("reduced_radius", "relative_angular_velocity")
+    adds_moment = True
     dissipates = True
     equation = "M = -k_r theta,  |M| <= mu_r R F_n"
     units = {"coefficient": "1", "stiffness": "N m rad-1"}
@@ -47,12 +47,12 @@ class RollingResistance(Effect):
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
         k, n = self.k_[0], contact.normal
-        old, rolling = spring_of(contact, history), contact.relative_spin
+        old, rolling = spring_of(contact, history), contact.relative_angular_velocity
         if ti.static(n.n == 3):
             rolling -= rolling.dot(n) * n
         trial = old + rolling * contact.dt
         angle, _ = limited(trial, self.mu_[0] / k * contact.reduced_radius * contact.normal_force)
-        contact.couple -= k * angle
+        contact.contact_moment -= k * angle
         remember(history, angle)
         return 0.5 * k * (old + angle).dot(trial - angle)
 

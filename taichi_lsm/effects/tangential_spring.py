@@ -7,7 +7,7 @@ from ..core.runtime import ti
 
 def stable_spring_step(stiffness, bodies):
     """Stable step [s] of a tangential spring [N m-1]: as of a normal one, with the leverage R^2 m/I of spinning."""
-    per_contact = stiffness / bodies.least_mass * (1.0 + bodies.spin_factor)
+    per_contact = stiffness / bodies.least_mass * (1.0 + bodies.rotation_factor)
     return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
 
 
@@ -32,7 +32,7 @@ def transported(xi, n, contact):
     size2 = xi.dot(xi)
     x = ti.select(size2 > 0.0, along * along / size2, 0.0)
     flat = (xi - along * n) * (1.0 + x * (0.5 + x * (0.375 + x * 0.3125)))
-    return flat + (contact.spin_about_normal * contact.dt) * n.cross(flat)
+    return flat + (contact.normal_angular_velocity * contact.dt) * n.cross(flat)
 
 
 @ti.func

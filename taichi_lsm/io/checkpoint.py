@@ -81,8 +81,8 @@ def restore_checkpoint(sim, path):
     sim.integrator.dt[None] = sim._dt
     for flag in (sim.integrator.moved, sim.integrator.halted, sim.integrator.steps_done):
         flag[None] = 0
-    sim.faults.clear()
-    sim.sentinel.begin()
+    sim.error_flags.clear()
+    sim.monitor.begin()
     if sim.walls:
         sim.walls.mark_all()
     if sim.domain.sheared:

@@ -55,13 +55,13 @@ def static_rows(dim, bonded=False):
 def snapshot_rows(dim, rotates=True, oriented=True, bonded=False):
     """Schema rows of a snapshot; without `rotates` no angular velocity, without `oriented` no orientation, without
     `bonded` no bonds."""
-    spin = ("time", "grain") if dim == 2 else ("time", "grain", "space")
+    angular_velocity = ("time", "grain") if dim == 2 else ("time", "grain", "space")
     rows = [
         Variable("position", ("time", "grain", "space"), "f64", "m", "centre of mass"),
         Variable("velocity", ("time", "grain", "space"), "f64", "m s-1", "velocity of the centre of mass"),
     ]
     if rotates:
-        rows.append(Variable("angular_velocity", spin, "f64", "rad s-1", "angular velocity, world frame"))
+        rows.append(Variable("angular_velocity", angular_velocity, "f64", "rad s-1", "angular velocity, world frame"))
     if oriented:
         rows.append(
             Variable(

@@ -61,8 +61,8 @@ class LayerRecorder:
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
         if self.sim.rotates:
-            spin = state.spin.to_numpy()
-            arrays["angular_velocity"] = spin[:, 0] if scene.dim == 2 else spin
+            angular_velocity = state.angular_velocity.to_numpy()
+            arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity
         if self.sim.grains.has("orientation"):
             arrays["orientation"] = _quaternions(state.orientation.to_numpy())
         if self.sim.bonds:
@@ -104,9 +104,9 @@ def _constants(scene):
         "mass": mass,
         "inertia": inertia[:, 0] if scene.dim == 2 else inertia,
         "bounding_radius": scene.per_grain("bounding_radius"),
-        "kind": (scene.platen >= 0).astype(np.int32),
-        "shape_index": scene.shape.astype(np.int32),
-        "shape_scale": scene.scale,
+        "kind": (scene.platen_index >= 0).astype(np.int32),
+        "shape_index": scene.shape_index.astype(np.int32),
+        "shape_scale": scene.diameter,
         "patch_count": np.array([s.patch_count for s in scene.shapes], np.int32),
         "patch_centre": patches[0],
         "patch_radius": patches[1],

@@ -61,7 +61,7 @@ def git_commit(folder=None):
     return commit if (Path(root) / "taichi_lsm" / "scene.py").exists() else "unknown"
 
 
-def file_attributes(title, summary, config_toml, seed, dt, arch, precision, references=REFERENCES):
+def file_attributes(title, summary, config_toml, seed, dt, arch, precision, published_friction=REFERENCES):
     """Global attributes of a file, as a dict; the writers add run_status and date_modified.
 
     config_toml: the merged parameters as TOML text; dt [s]: time step; arch, precision: those of the runtime.
@@ -73,7 +73,7 @@ def file_attributes(title, summary, config_toml, seed, dt, arch, precision, refe
         "summary": summary,
         "source": f"taichi_lsm {version}, Taichi {package_version('taichi')}, {arch}, {precision}",
         "history": f"{created} created by taichi_lsm {version}",
-        "references": references,
+        "references": published_friction,
         "date_created": created,
         "id": str(uuid.uuid4()),
         "config_toml": config_toml,

@@ -25,16 +25,16 @@ class StepStages:
         ti.loop_config(serialize=True)
         for _ in range(repeats):
             for k in range(self.grains.count[None]):
-                if self.grains.platen[k] < 0:
+                if self.grains.platen_index[k] < 0:
                     self.integrator.advance(k, 0)
 
     @ti.kernel
     def contacts(self, repeats: ti.i32):
         ti.loop_config(serialize=True)
         for t in range(1):
-            lanes = self.forces.lanes(0)
+            block = self.forces.block(0)
             for _ in range(repeats):
-                self.forces.rows(lanes, 0, self.grains.count[None], 0.0)
+                self.forces.rows(block, 0, self.grains.count[None], 0.0)
 
     @ti.kernel
     def platen_sums(self, repeats: ti.i32):

@@ -4,7 +4,7 @@ import numpy as np
 
 from ..contact.pair_storage import TOUCHING
 from ..core.errors import InputError
-from ..core.rotation import free_rotor, turned
+from ..core.rotation import advanced_orientation, free_rotor
 from ..core.runtime import ti
 
 FLIGHT = 0.01  # of the step: how far the grains fly to measure the second rate of the elastic energy
@@ -28,15 +28,15 @@ class ShadowEnergy:
         self.oriented = self.grains.has("orientation")
         self.term = ti.field(ti.f64, capacity)
         self.start = ti.Vector.field(self.grains.dim, ti.f64, capacity)
-        self.turn = ti.Vector.field(self.grains.sizes["turn"], ti.f64, capacity)
+        self.turn = ti.Vector.field(self.grains.sizes["orientation"], ti.f64, capacity)
 
     @ti.kernel
     def kinetic_terms(self):
         g = self.grains
         for k in range(g.count[None]):
             total = ti.cast(0.0, ti.f64)
-            if g.platen[k] < 0:
-                force, torque, kick, twist = self.forces.gathered(k)
+            if g.platen_index[k] < 0:
+                force, torque, impulse, angular_impulse = self.forces.gathered(k)
                 total -= force.dot(force) * g.inverse_mass[k] / 24.0
                 if ti.static(self.forces.rotates):
                     torque = self.integrator.principal(k, torque)
@@ -62,7 +62,7 @@ class ShadowEnergy:
                     momentum = self.integrator.momentum(k)
                     g.orientation[k] = free_rotor(g.orientation[k], momentum, inverse, time)
                 elif ti.static(self.oriented):
-                    g.orientation[k] = turned(g.orientation[k], omega, time)
+                    g.orientation[k] = advanced_orientation(g.orientation[k], omega, time)
 
     @ti.kernel
     def add_elastic(self, weight: ti.f64):
@@ -79,8 +79,8 @@ class ShadowEnergy:
                     depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 1)
                     # a contact that begins or ends within the flight counts as if it went on: U'' jumps there
                     contact = self.forces.contact_of(k, l, s, ti.abs(depth), n, arm_k, arm_l, 0.0)
-                    for law in ti.static(self.forces.springs):
-                        self.term[k] += weight * law.contact_energy(contact, 0)
+                    for effect in ti.static(self.forces.springs):
+                        self.term[k] += weight * effect.contact_energy(contact, 0)
 
     def correction(self):
         """What to add to the energy [J]. Leaves the simulation as it was, the features of its contacts included."""

@@ -91,16 +91,16 @@ class ShearedLayer:
 
     def __init__(self, sim, target_stress, diameter):
         self.sim, self.target, self.diameter = sim, target_stress, diameter
-        self.effects = [e.name for e in sim.forces.books] + ["servo"]
+        self.effects = [e.name for e in sim.forces.channels] + ["servo"]
         scene, platens = sim.scene, sim.platens
-        measure = np.array([s.measure for s in scene.shapes])[scene.shape] * scene.scale**scene.dim
-        self.mobile = scene.platen < 0
+        measure = np.array([s.measure for s in scene.shapes])[scene.shape_index] * scene.diameter**scene.dim
+        self.mobile = scene.platen_index < 0
         depth = scene.thickness if scene.dim == 2 else 1.0
         self.solid_volume = float(measure[self.mobile].sum()) * depth
         self.area = platens.area
         radius = scene.per_grain("bounding_radius")
         inner = [scene.position[:, 1] + radius, scene.position[:, 1] - radius]
-        self.plane = [float(inner[p][scene.platen == p].mean()) for p in (0, 1)]
+        self.plane = [float(inner[p][scene.platen_index == p].mean()) for p in (0, 1)]
         self.strain = self.throughput = 0.0
         self._sums = []
         self._last_sample_time = sim.time
@@ -140,7 +140,7 @@ class ShearedLayer:
         self._last_sample_time = sim.time
         now = energies(sim, sums, platens)
         sums["translational_energy"] = now.kinetic - sums["rotational_energy"]
-        lost = [sums[f"dissipated_{e.name}"] for e in sim.forces.books] + [float(platens["dissipated"].sum())]
+        lost = [sums[f"dissipated_{e.name}"] for e in sim.forces.channels] + [float(platens["dissipated"].sum())]
         self._balance0 = now.balance if self._balance0 is None else self._balance0
         self.residual = self._balance0 - now.balance
         self._sums.append(

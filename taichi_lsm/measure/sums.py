@@ -29,14 +29,14 @@ class Measure:
     def __init__(self, forces, integrator):
         self.forces, self.integrator = forces, integrator
         self.grains, self.pairs, self.dim = forces.grains, forces.pairs, forces.dim
-        self.stores = [e for e in forces.laws if hasattr(type(e), "contact_energy")]
-        self.pulls = [e for e in forces.body_laws if hasattr(type(e), "grain_energy")]
+        self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
+        self.pulls = [e for e in forces.body_effects if hasattr(type(e), "grain_energy")]
         self.names = ["translational_energy", "rotational_energy"]
         self.bonds, self.bonded = forces.bonds, forces.bonded
-        self.held = [forces.bonds.law] if self.bonded else []
+        self.held = [forces.bonds.effect] if self.bonded else []
         self.names += [f"energy_{e.name}" for e in self.stores + self.held + self.pulls]
-        if forces.ledger:
-            self.names += [f"dissipated_{e.name}" for e in forces.books]
+        if forces.track_dissipation:
+            self.names += [f"dissipated_{e.name}" for e in forces.channels]
         self.names += ["shear_work"] if forces.domain.sheared else []
         self.names += ["contact_count", "contact_ends", "sliding_count"] + (["bond_count"] if self.bonded else [])
         self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
@@ -61,7 +61,7 @@ class Measure:
     @ti.func
     def add_grain(self, k, low, high, velocity, gradient, total: ti.template()):
         g = self.grains
-        if g.platen[k] < 0:
+        if g.platen_index[k] < 0:
             m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
             v, omega = self.integrator.synchronised(k)
             if ti.static(self.forces.domain.sheared):
@@ -70,19 +70,21 @@ class Measure:
             total[0] += 0.5 * m * v.dot(v)
             if ti.static(self.forces.rotates):
                 omega = self.integrator.principal(k, omega)
-                for c in ti.static(range(g.sizes["spin"])):
+                for c in ti.static(range(g.sizes["rotation"])):
                     total[1] += 0.5 * omega[c] * omega[c] / g.inverse_inertia[k][c]
-            for law in ti.static(self.pulls):
-                total[ti.static(self.at["energy_" + law.name])] += law.grain_energy(g.inverse_mass[k], g.position[k])
+            for effect in ti.static(self.pulls):
+                total[ti.static(self.at["energy_" + effect.name])] += effect.grain_energy(
+                    g.inverse_mass[k], g.position[k]
+                )
             y = g.position[k][1]
             if y >= low and y < high:
                 v[0] -= velocity + gradient * (y - low)
                 for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
                     total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += m * v[a] * v[b]
-        if ti.static(self.forces.ledger):
-            for law in ti.static(self.forces.books):
-                spent = g.dissipated[k][ti.static(self.forces.book_of(law))]
-                total[ti.static(self.at["dissipated_" + law.name])] += spent
+        if ti.static(self.forces.track_dissipation):
+            for effect in ti.static(self.forces.channels):
+                spent = g.dissipated[k][ti.static(self.forces.channel_of(effect))]
+                total[ti.static(self.at["dissipated_" + effect.name])] += spent
 
     @ti.func
     def add_bond(self, b, low, high, total: ti.template()):
@@ -91,7 +93,7 @@ class Measure:
         k, l = g.slot_of[bonds.first[b]], g.slot_of[bonds.second[b]]
         if bonds.intact[b] == 1:
             total[ti.static(self.at["bond_count"])] += 1.0
-            total[ti.static(self.at["energy_" + bonds.law.name])] += bonds.energy(b)
+            total[ti.static(self.at["energy_" + bonds.effect.name])] += bonds.energy(b)
             d = bonds.domain.displacement(g.position[k], g.position[l])
             part = self.inside(g.position[k][1], d[1], low, high)
             for a, c in ti.static(ti.ndrange(self.dim, self.dim)):
@@ -104,14 +106,14 @@ class Measure:
         d = self.forces.geometry.shortest(k, l)
         depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
         contact = self.forces.contact_of(k, l, s, depth, n, arm_k, arm_l, 0.0)
-        for law in ti.static(self.stores):
-            if ti.static(law.history_size(self.dim) > 0):
-                memory = self.forces.history_of(law, s)
-                total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, memory)
+        for effect in ti.static(self.stores):
+            if ti.static(effect.history_size(self.dim) > 0):
+                memory = self.forces.history_of(effect, s)
+                total[ti.static(self.at["energy_" + effect.name])] += effect.contact_energy(contact, memory)
             else:
-                total[ti.static(self.at["energy_" + law.name])] += law.contact_energy(contact, 0)
+                total[ti.static(self.at["energy_" + effect.name])] += effect.contact_energy(contact, 0)
         touching = ti.cast(contact.touching, ti.f64)
-        mobile = ti.cast(g.platen[k] < 0, ti.f64) + ti.cast(g.platen[l] < 0, ti.f64)
+        mobile = ti.cast(g.platen_index[k] < 0, ti.f64) + ti.cast(g.platen_index[l] < 0, ti.f64)
         total[ti.static(self.at["contact_count"])] += touching
         total[ti.static(self.at["contact_ends"])] += touching * mobile
         total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] & SLIDING, 1.0, 0.0)
@@ -120,7 +122,7 @@ class Measure:
             total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * pairs.pair_force[s][a] * d[b]
         limit = g.radius[k] + g.radius[l]
         if ti.static(self.forces.shaped):
-            limit = g.cap_radius[k] + g.cap_radius[l]
+            limit = g.overlap_limit[k] + g.overlap_limit[l]
         if ti.static(self.forces.domain.sheared):  # of the last step only half belongs to the time until now
             moment = 0.5 * self.integrator.dt[None] * pairs.pair_force[s][0] * d[1]
             total[ti.static(self.at["shear_work"])] += self.forces.domain.shear_rate[0] * moment
@@ -136,13 +138,13 @@ class Measure:
             r = g.id[k] * walls.count + w
             if walls.row_status[r] & (TOUCHING | ACTING):
                 contact, depth, arm, feature = walls.contact(self.forces, k, w, 0.0)
-                for law in ti.static(self.stores):
+                for effect in ti.static(self.stores):
                     stored = 0.0 * depth
-                    if ti.static(law.history_size(self.dim) > 0):
-                        stored = law.contact_energy(contact, walls.history_of(self.forces, law, r))
+                    if ti.static(effect.history_size(self.dim) > 0):
+                        stored = effect.contact_energy(contact, walls.history_of(self.forces, effect, r))
                     else:
-                        stored = law.contact_energy(contact, 0)
-                    total[ti.static(self.at["energy_" + law.name])] += stored
+                        stored = effect.contact_energy(contact, 0)
+                    total[ti.static(self.at["energy_" + effect.name])] += stored
                 total[ti.static(self.at["contact_count"])] += contact.touching
                 total[ti.static(self.at["contact_ends"])] += contact.touching
                 total[ti.static(self.at["sliding_count"])] += ti.select(walls.row_status[r] & SLIDING, 1.0, 0.0)

@@ -6,7 +6,7 @@ from .ball_polyhedron import BallPolyhedron, ball_of_faces, ball_polyhedron, tan
 from .base import GrainShape, rescaled
 from .cone_patches import PatchGrain, clump, equal_clump, from_chain, from_patches, outline_error
 from .ellipses import ellipse, superellipse
-from .laguerre_tiles import laguerre_tiles, pave_volume
+from .laguerre_tiles import laguerre_packing, laguerre_tiles
 from .meshes import Misfit, from_mesh
 from .outlines import from_outline, outline_of_image
 from .polygon_fit import arc_chain, from_polygon, regular_disc_of_arcs
@@ -21,7 +21,7 @@ from .polyhedra import (
 from .random_polygons import random_polygons
 from .storage import load_shapes, save_shapes
 from .union import Union, cross, placed, union
-from .voronoi_grains import pave, random_angular_shapes, regular_polygon
+from .voronoi_grains import random_angular_shapes, regular_polygon, voronoi_packing
 from .voronoi_tiles import PolygonMeasures, polygon_measures, voronoi_tiles
 
 # the seed's constructor by its natural name; the base class itself cannot know its subclasses
@@ -56,8 +56,8 @@ __all__ = [
     "load_shapes",
     "outline_error",
     "outline_of_image",
-    "pave",
-    "pave_volume",
+    "voronoi_packing",
+    "laguerre_packing",
     "placed",
     "polygon_measures",
     "random_angular_polyhedra",

@@ -69,8 +69,8 @@ class ArcChain(GrainShape):
         if self.seam.shape != (seams, 2):
             raise ValueError(f"seam has shape {self.seam.shape}: must be {(seams, 2)} for {count} patches")
         least = float(self.radius.min())
-        if self.cap_radius > least * (1 + CHAIN_TOLERANCE):  # it bounds the depth at which contacts are unique
-            raise ValueError(f"cap_radius = {self.cap_radius}: must not exceed the least radius, {least}")
+        if self.overlap_limit > least * (1 + CHAIN_TOLERANCE):  # it bounds the depth at which contacts are unique
+            raise ValueError(f"cap_radius = {self.overlap_limit}: must not exceed the least radius, {least}")
 
     def _check_chain(self):
         length = np.linalg.norm(self.seam, axis=1)
@@ -153,8 +153,8 @@ class ArcChain(GrainShape):
     def scaled_outline(self, position: ArrayLike, angle: float, scale: float, points: int = 96) -> NDArray:
         """`outline` of a grain at position (2,) [m], turned by angle [rad], of scale [m]; world frame [m]."""
         c, s = np.cos(angle), np.sin(angle)
-        turned = self.outline(points) @ np.array([[c, s], [-s, c]])
-        return np.asarray(position, dtype=np.float64) + scale * turned
+        rotated = self.outline(points) @ np.array([[c, s], [-s, c]])
+        return np.asarray(position, dtype=np.float64) + scale * rotated
 
 
 def disc() -> ArcChain:
@@ -177,6 +177,6 @@ def _ball(name: str, dim: int, measure: float, inertia: list[float]) -> ArcChain
         measure=measure,
         inertia=np.array(inertia),
         bounding_radius=0.5,
-        cap_radius=0.5,
+        overlap_limit=0.5,
         lever=0.0,
     )

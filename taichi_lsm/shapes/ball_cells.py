@@ -201,13 +201,13 @@ def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict]:
     others = np.setdiff1d(np.arange(len(p)), (i, j))
     off = centre - p[others]
     flat = 2.0 * rho * off @ across
-    swing = np.linalg.norm(flat, axis=1)
+    oscillation = np.linalg.norm(flat, axis=1)
     room = big[others] ** 2 - rho**2 - np.sum(off**2, axis=1)  # on the circle: flat . (cos, sin) <= room
-    if np.any(room <= -swing):
+    if np.any(room <= -oscillation):
         return []
-    cutting = room < swing
+    cutting = room < oscillation
     middle = np.arctan2(flat[cutting, 1], flat[cutting, 0])  # where the circle leaves the ball farthest
-    half = np.arccos(np.clip(room[cutting] / swing[cutting], -1.0, 1.0))
+    half = np.arccos(np.clip(room[cutting] / oscillation[cutting], -1.0, 1.0))
     arcs = _free_arcs(middle - half, 2.0 * half)
     base = {"centre": centre, "axis": axis, "rho": rho, "across": across, "side": (i, j)}
     result = []

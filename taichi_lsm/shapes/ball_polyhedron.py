@@ -82,8 +82,8 @@ class BallPolyhedron(GrainShape):
                 raise ValueError(f"{field} has shape {getattr(self, field).shape}: must be {shape}")
         if self.dim != 3:
             raise ValueError(f"dim = {self.dim}: a ball-polyhedron is 3D")
-        if not 0 < self.dilation <= self.cap_radius:
-            raise ValueError(f"dilation = {self.dilation}: must be > 0 and at most cap_radius = {self.cap_radius}")
+        if not 0 < self.dilation <= self.overlap_limit:
+            raise ValueError(f"dilation = {self.dilation}: must be > 0 and at most cap_radius = {self.overlap_limit}")
         if np.any(self.feature_radius < self.dilation) or np.any(self.ring_radius < 0):
             raise ValueError("feature_radius, ring_radius: must be at least the dilation, and >= 0")
         if bounds and not 0 <= self.bound_next.min() <= self.bound_next.max() < count:
@@ -179,7 +179,7 @@ class BallPolyhedron(GrainShape):
         if not (np.isfinite(factor) and factor > 0):
             raise ValueError(f"factor = {factor}: must be finite and > 0")
         lengths = ("dilation", "feature_centre", "feature_radius", "ring_radius")
-        lengths += ("bounding_radius", "cap_radius", "lever")
+        lengths += ("bounding_radius", "overlap_limit", "lever")
         changed = {name: getattr(self, name) * factor for name in lengths}
         return replace(self, **changed, measure=self.measure * factor**3, inertia=self.inertia * factor**5)
 
@@ -235,7 +235,7 @@ def _shape(cell: Features, dilation: float, volume: float, inertia: NDArray, nam
         measure=volume,
         inertia=inertia,
         bounding_radius=cell.farthest() + dilation,
-        cap_radius=float(cell.radius[0]) + dilation if one else dilation,
+        overlap_limit=float(cell.radius[0]) + dilation if one else dilation,
         lever=0.0,
         dilation=dilation,
         face_count=cell.faces,

@@ -36,14 +36,14 @@ class GrainShape:
     measure: float
     inertia: NDArray
     bounding_radius: float
-    cap_radius: float
+    overlap_limit: float
     lever: float
 
     def __post_init__(self):
         if self.dim not in (2, 3):
             raise ValueError(f"dim = {self.dim}: must be 2 or 3")
         object.__setattr__(self, "inertia", frozen_array("inertia", self.inertia))
-        for field in ("measure", "bounding_radius", "cap_radius", "lever"):
+        for field in ("measure", "bounding_radius", "overlap_limit", "lever"):
             value = float(getattr(self, field))
             if not np.isfinite(value) or value < 0 or (value == 0 and field != "lever"):
                 raise ValueError(f"{field} = {value}: must be finite and {'>= 0' if field == 'lever' else '> 0'}")
@@ -74,7 +74,7 @@ class GrainShape:
         return np.zeros((1, self.dim)), np.array([self.bounding_radius])
 
 
-LENGTHS = ("centre", "radius", "bounding_radius", "cap_radius", "lever")
+LENGTHS = ("centre", "radius", "bounding_radius", "overlap_limit", "lever")
 
 
 def rescaled(shape: GrainShape, factor: float) -> GrainShape:

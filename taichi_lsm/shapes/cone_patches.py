@@ -90,7 +90,9 @@ class PatchGrain(GrainShape):
         cos, sin = np.cos(self.half_angle), np.sin(self.half_angle)
         shift = np.where(narrow, self.radius * cos, 0.0)
         reach = np.where(narrow, self.radius * sin, self.radius)
-        return self.centre + shift[:, None] * self.axis, reach + np.where(self.half_angle < np.pi, self.cap_radius, 0.0)
+        return self.centre + shift[:, None] * self.axis, reach + np.where(
+            self.half_angle < np.pi, self.overlap_limit, 0.0
+        )
 
     def coverage(self) -> Coverage:
         """How well the cones tile: exact in 2D, by 20000 directions in 3D."""
@@ -188,7 +190,7 @@ def _grain(name, dim, p, r, e, alpha, measure, inertia) -> PatchGrain:
         measure=measure,
         inertia=inertia,
         bounding_radius=float(reach.max()),
-        cap_radius=float(r.min()),
+        overlap_limit=float(r.min()),
         lever=float(min(away.max(), reach.max())),
         centre=p,
         radius=r,
@@ -287,7 +289,7 @@ def from_chain(chain: ArcChain, shrink: float = 0.0) -> PatchGrain:
         measure=chain.measure,
         inertia=chain.inertia,
         bounding_radius=chain.bounding_radius,
-        cap_radius=chain.cap_radius,
+        overlap_limit=chain.overlap_limit,
         lever=chain.lever,
         centre=centre,
         radius=radius,

@@ -22,7 +22,7 @@ def meeting_corner(fit: Callable[[float], GrainShape], corner_radius: float, roo
         if not 0 < asked < room:
             break
         shape = fit(asked)
-        got = shape.cap_radius
+        got = shape.overlap_limit
         if abs(got - corner_radius) <= CORNER_TOLERANCE:
             return shape
         slope = (got - before[1]) / (asked - before[0])

@@ -122,7 +122,7 @@ def _tile(cells: list[dict], k: int, side: float, weights: NDArray, scale: float
     )
 
 
-def pave_volume(
+def laguerre_packing(
     count: int,
     length: float,
     seed,

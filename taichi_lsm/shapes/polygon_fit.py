@@ -74,7 +74,7 @@ def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", n
         measure=area,
         inertia=np.array([polar]),
         bounding_radius=bounding_radius,
-        cap_radius=float(radius.min()),
+        overlap_limit=float(radius.min()),
         lever=lever,
     )
 
@@ -129,7 +129,7 @@ def regular_disc_of_arcs(n: int) -> ArcChain:
         measure=np.pi / 4,
         inertia=np.array([np.pi / 32]),
         bounding_radius=0.5,
-        cap_radius=0.5,
+        overlap_limit=0.5,
         lever=0.0,
     )
 

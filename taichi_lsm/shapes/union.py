@@ -79,7 +79,7 @@ def placed(shape: GrainShape, offset: ArrayLike, turn: float | NDArray = 0.0, sc
         measure=shape.measure * scale**2,
         inertia=shape.inertia * scale**4,
         bounding_radius=reach,
-        cap_radius=shape.cap_radius * scale,
+        overlap_limit=shape.overlap_limit * scale,
         lever=min(reach, shape.lever * scale + float(np.linalg.norm(offset))),
     )
 
@@ -123,7 +123,7 @@ def union(members: Sequence[GrainShape], *, name: str = "union", normalise: bool
         measure=measure * factor**dim,
         inertia=inertia,
         bounding_radius=reach,
-        cap_radius=min(m.cap_radius for m in moved),
+        overlap_limit=min(m.overlap_limit for m in moved),
         lever=reach,
         members=tuple(moved),
         stiffness_peak=_stiffness_peak(moved, points),

@@ -75,9 +75,9 @@ def _with_corner_radius(tile: NDArray, corner_radius: float, name: str) -> ArcCh
             shape = from_polygon(tile, asked, name=name)
         except ValueError:  # the tile is convex, so the radius exceeds its inscribed radius
             return None
-        if abs(shape.cap_radius - corner_radius) <= CORNER_TOLERANCE:
+        if abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
             return shape
-        asked *= corner_radius / shape.cap_radius
+        asked *= corner_radius / shape.overlap_limit
     return None
 
 
@@ -95,13 +95,13 @@ def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: in
     asked = corner_radius
     for _ in range(60):
         shape = from_polygon(corners, asked, arcs_per_corner=arcs_per_corner, name=f"regular polygon of {sides} sides")
-        if abs(shape.cap_radius - corner_radius) <= CORNER_TOLERANCE:
+        if abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
             break
-        asked *= corner_radius / shape.cap_radius
+        asked *= corner_radius / shape.overlap_limit
     return shape
 
 
-def pave(count, length, seed, corner_radius, gap, arcs_per_corner=4):
+def voronoi_packing(count, length, seed, corner_radius, gap, arcs_per_corner=4):
     """Random grains that fill a periodic square, one per Voronoi tile: (shapes, position (n, 2), diameter (n,)).
 
     length [L]: side of the square; corner_radius [L]: least patch radius; gap [L]: distance kept from the sides of

@@ -1,6 +1,6 @@
 """The first-order schemes of the seed, for comparison: one that works and the one that is printed."""
 
-from ..core.rotation import linear_turn, spin_of
+from ..core.rotation import angular_velocity_of, linear_orientation_change
 from ..core.runtime import ti
 from .verlet import VelocityVerlet
 
@@ -29,15 +29,19 @@ class ExplicitEuler(VelocityVerlet):
     def advance(self, k, step):
         g, dt = self.grains, self.dt[None]
         before = g.position[k]
-        force, torque, kick, twist = self.forces.gathered(k)
+        force, torque, kick, angular_impulse = self.forces.gathered(k)
         g.position[k] = g.position[k] + g.velocity[k] * dt
         g.velocity[k] = self.kicked(k, g.velocity[k], force * (g.inverse_mass[k] * dt), g.inverse_mass[k])
         if ti.static(self.oriented):
-            g.orientation[k] = g.orientation[k] + linear_turn(g.orientation[k], g.spin[k] * dt)
+            g.orientation[k] = g.orientation[k] + linear_orientation_change(
+                g.orientation[k], g.angular_velocity[k] * dt
+            )
         if ti.static(self.tumbles):
             inverse = ti.cast(g.inverse_inertia[k], ti.f64)
             g.angular_momentum[k] = self.pushed(k, torque * dt, inverse)
-            g.spin[k] = spin_of(g.orientation[k], g.angular_momentum[k], inverse)
+            g.angular_velocity[k] = angular_velocity_of(g.orientation[k], g.angular_momentum[k], inverse)
         elif ti.static(self.rotates):
-            g.spin[k] = self.kicked(k, g.spin[k], torque * (g.inverse_inertia[k] * dt), g.inverse_inertia[k])
+            g.angular_velocity[k] = self.kicked(
+                k, g.angular_velocity[k], torque * (g.inverse_inertia[k] * dt), g.inverse_inertia[k]
+            )
         self.watch(k, before, step)

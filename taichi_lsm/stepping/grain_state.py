@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from ..core.fields import NUMPY_TYPES, allocate, rounded_capacity, spin_size, turn_size
+from ..core.fields import NUMPY_TYPES, allocate, orientation_size, rotation_size, rounded_capacity
 from ..core.runtime import ti, when_allocated
 from ..core.schema import Variable
 
 
-def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=False, several=False, sheared=False):
+def grain_variables(
+    rotates, oriented, shaped, track_dissipation, onset=False, tumbles=False, multi_part=False, sheared=False
+):
     """Rows of the grain state that a scene needs.
 
     rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;
@@ -17,7 +19,7 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
     """
     rows = [
         Variable("id", ("grain",), "i32", "1", "persistent number of the grain in this slot", True),
-        Variable("platen", ("grain",), "i32", "1", "platen the grain is glued to, -1 if mobile", True),
+        Variable("platen_index", ("grain",), "i32", "1", "platen the grain is glued to, -1 if mobile", True),
         Variable("position", ("grain", "space"), "f64", "m", "centre of mass", True),
         Variable("radius", ("grain",), "real", "m", "bounding radius", True),
         Variable("velocity", ("grain", "space"), "f64", "m s-1", "velocity half a step before position", True),
@@ -27,35 +29,47 @@ def grain_variables(rotates, oriented, shaped, ledger, onset=False, tumbles=Fals
     ]
     if rotates:
         rows += [
-            Variable("spin", ("grain", "spin"), "f64", "rad s-1", "angular velocity half a step before", True),
-            Variable("inverse_inertia", ("grain", "spin"), "real", "kg-1 m-2", "inverse principal moments", True),
-            Variable("torque", ("grain", "spin"), "real", "N m", "torque of the contacts in the own row", True),
+            Variable(
+                "angular_velocity", ("grain", "rotation"), "f64", "rad s-1", "angular velocity half a step before", True
+            ),
+            Variable("inverse_inertia", ("grain", "rotation"), "real", "kg-1 m-2", "inverse principal moments", True),
+            Variable("torque", ("grain", "rotation"), "real", "N m", "torque of the contacts in the own row", True),
         ]
     if onset:
         rows.append(Variable("last_velocity", ("grain", "space"), "f64", "m s-1", "velocity a step before", True))
         if shaped:
-            rows.append(Variable("last_spin", ("grain", "spin"), "f64", "rad s-1", "spin a step before", True))
-            rows.append(Variable("twist", ("grain", "spin"), "real", "N m s", "angular impulse from the row", True))
-        rows.append(Variable("kicked", ("grain",), "i8", "1", "1 if a contact of its own row has an impulse", True))
+            rows.append(
+                Variable("last_angular_velocity", ("grain", "rotation"), "f64", "rad s-1", "spin a step before", True)
+            )
+            rows.append(
+                Variable(
+                    "angular_impulse", ("grain", "rotation"), "real", "N m s", "angular impulse from the row", True
+                )
+            )
+        rows.append(
+            Variable("has_impulse", ("grain",), "i8", "1", "1 if a contact of its own row has an impulse", True)
+        )
     if oriented:
-        rows.append(Variable("orientation", ("grain", "turn"), "f64", "1", "unit complex number or quaternion", True))
+        rows.append(
+            Variable("orientation", ("grain", "orientation"), "f64", "1", "unit complex number or quaternion", True)
+        )
     if tumbles:
         long_name = "angular momentum half a step before, world frame"
-        rows.append(Variable("angular_momentum", ("grain", "spin"), "f64", "kg m2 s-1", long_name, True))
-    if several:
+        rows.append(Variable("angular_momentum", ("grain", "rotation"), "f64", "kg m2 s-1", long_name, True))
+    if multi_part:
         long_name = "orientation when the list was built"
-        rows.append(Variable("built_orientation", ("grain", "turn"), "f64", "1", long_name, True))
+        rows.append(Variable("built_orientation", ("grain", "orientation"), "f64", "1", long_name, True))
     if shaped:
         rows += [
-            Variable("shape", ("grain",), "i32", "1", "row of the shape table", True),
-            Variable("scale", ("grain",), "real", "m", "length unit of the shape", True),
-            Variable("cap_radius", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
+            Variable("shape_index", ("grain",), "i32", "1", "row of the shape table", True),
+            Variable("diameter", ("grain",), "real", "m", "length unit of the shape", True),
+            Variable("overlap_limit", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
             Variable("travel", ("grain",), "f64", "m", "way of the farthest surface point so far, at most", True),
         ]
     if sheared:
         rows.append(Variable("shear_work", ("grain",), "f64", "J", "work of shearing the cell, of its row", True))
-    if ledger:
-        rows.append(Variable("dissipated", ("grain", "ledger"), "f64", "J", "energy dissipated by effect", True))
+    if track_dissipation:
+        rows.append(Variable("dissipated", ("grain", "channel"), "f64", "J", "energy dissipated by effect", True))
     return rows
 
 
@@ -66,10 +80,15 @@ class Grains:
     The fields of `grain_variables` are attributes. Columns by persistent id are read with `column`.
     """
 
-    def __init__(self, dim, count, variables, ledger):
+    def __init__(self, dim, count, variables, channels):
         self.dim = dim
         self.count = ti.field(ti.i32, ())
-        self.sizes = {"space": dim, "spin": spin_size(dim), "turn": turn_size(dim), "ledger": ledger}
+        self.sizes = {
+            "space": dim,
+            "rotation": rotation_size(dim),
+            "orientation": orientation_size(dim),
+            "channel": channels,
+        }
         self.variables = {v.name: v for v in variables}
         capacity = rounded_capacity(count)
         for name, field in vars(allocate(variables, capacity, self.sizes)).items():

@@ -9,7 +9,7 @@ from .grain_state import grain_variables
 
 
 @dataclass(frozen=True)
-class MakeUp:
+class KernelSpec:
     """Facts of a scene; two scenes of equal make-up share their compiled kernels.
 
     kind: of the surfaces, sphere | chain | polyhedron | cones; several: grains of several parts; rotates: torques act
@@ -22,14 +22,14 @@ class MakeUp:
     periodic: tuple
     count: int
     kind: str
-    several: bool
+    multi_part: bool
     rotates: bool
     oriented: bool
     onset: bool
     sheared: bool
-    books: int
+    channels: int
     history: int
-    laws: tuple
+    effects: tuple
     bonds: int
     walls: int
     integrator: type
@@ -44,14 +44,14 @@ class MakeUp:
             periodic=tuple(bool(p) for p in scene.periodic),
             count=len(scene.position),
             kind=kind,
-            several=max(len(s.parts) for s in scene.shapes) > 1,
-            rotates=shaped or bonded or any(e.phase == "tangential" or e.couples for e in effects),
+            multi_part=max(len(s.parts) for s in scene.shapes) > 1,
+            rotates=shaped or bonded or any(e.phase == "tangential" or e.adds_moment for e in effects),
             oriented=shaped or bonded,
             onset=scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in effects),
             sheared=bool(scene.shear_rate),
-            books=sum(e.dissipates for e in effects) if scene.ledger else 0,
+            channels=sum(e.dissipates for e in effects) if scene.track_dissipation else 0,
             history=sum(e.history_size(scene.dim) for e in effects if e.phase in ON_CONTACTS),
-            laws=tuple((type(e).__name__, e.variant) for e in effects),
+            effects=tuple((type(e).__name__, e.variant) for e in effects),
             bonds=len(scene.bonds) if bonded else 0,
             walls=len(scene.walls),
             integrator=scene.integrator,
@@ -71,9 +71,9 @@ class MakeUp:
         """Rows of the grain state."""
         shaped = self.shaped
         return grain_variables(
-            self.rotates, self.oriented, shaped, self.books, self.onset, self.tumbles, self.several, self.sheared
+            self.rotates, self.oriented, shaped, self.channels, self.onset, self.tumbles, self.multi_part, self.sheared
         )
 
     def pair_rows(self):
         """Rows per slot of the neighbour list."""
-        return pair_variables(self.rotates, self.kind, self.history, self.onset, self.several)
+        return pair_variables(self.rotates, self.kind, self.history, self.onset, self.multi_part)

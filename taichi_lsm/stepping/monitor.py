@@ -20,7 +20,7 @@ BALANCE_STEPS = 5000  # between two sums of the energies
 
 
 @ti.data_oriented
-class Sentinel:
+class Monitor:
     """Checks a simulation against `scene.guards`; raises SimulationError with the step, the grains and the values."""
 
     def __init__(self, sim, former=None):
@@ -86,7 +86,7 @@ class Sentinel:
                     lost = g.id[k]
                 if ti.static(self.domain.sheared):
                     v[0] -= self.domain.shear_rate[0] * x[1]
-                if g.platen[k] < 0 and v.norm() > fastest * g.radius[k]:
+                if g.platen_index[k] < 0 and v.norm() > fastest * g.radius[k]:
                     fastest, fast = v.norm() / g.radius[k], g.id[k]
             result[0], result[1], result[2] = crowd, first, second
             result[3], result[4], result[5] = fastest, fast, lost
@@ -95,7 +95,7 @@ class Sentinel:
     def per_mass(self, k):
         """Contacts of grain k over its mass [kg-1]; 0 for a glued one, which its contacts do not move."""
         g = self.grains
-        return ti.select(g.platen[k] < 0, self.contacts[k] * ti.cast(g.inverse_mass[k], ti.f64), 0.0)
+        return ti.select(g.platen_index[k] < 0, self.contacts[k] * ti.cast(g.inverse_mass[k], ti.f64), 0.0)
 
     def check(self):
         """Make the looks that are due."""
@@ -136,27 +136,27 @@ class Sentinel:
 
     def _check_energy(self):
         sim, limit = self.sim, self.sim.scene.guards.energy
-        pushes = any(not hasattr(type(e), "grain_energy") for e in sim.forces.body_laws)
+        pushes = any(not hasattr(type(e), "grain_energy") for e in sim.forces.body_effects)
         if not limit or pushes:  # by forces without an energy, whose work nobody books
             return
         now = energies(sim)
         self.first = first = self.first or now
         self.highest = max(self.highest, now.kinetic + abs(now.elastic))
-        turned = self.highest + abs(now.potential - first.potential) + abs(now.work - first.work)
-        turned += max(0.0, now.dissipated - first.dissipated)
+        turnover = self.highest + abs(now.potential - first.potential) + abs(now.work - first.work)
+        turnover += max(0.0, now.dissipated - first.dissipated)
         error = now.balance - first.balance
-        unbooked = not sim.scene.ledger and any(e.dissipates for e in sim.scene.effects)
-        if not (error if unbooked else abs(error)) <= limit * turned:
+        untracked = not sim.scene.track_dissipation and any(e.dissipates for e in sim.scene.effects)
+        if not (error if untracked else abs(error)) <= limit * turnover:
             self._stop(
-                f"the energy balance is lost by {error:g} J, {abs(error) / turned:.3g} of the {turned:g} J that were "
-                f"turned over, allowed is {limit:g}; use a smaller time step",
+                f"the energy balance is lost by {error:g} J, {abs(error) / turnover:.3g} of the {turnover:g} J "
+                f"that were turned over, allowed is {limit:g}; use a smaller time step",
                 [],
-                {"energy_error": error, "energy_turned_over": turned},
+                {"energy_error": error, "energy_turned_over": turnover},
             )
 
-    def check_faults(self):
+    def check_error_flags(self):
         """Stop at a fault that a kernel reported, unless its guard is off."""
-        found = self.sim.faults.taken()
+        found = self.sim.error_flags.taken()
         if found is None:
             return
         code, k, l = found

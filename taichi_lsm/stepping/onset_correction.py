@@ -4,7 +4,7 @@ Verlet is the trapezoidal rule for the impulse of a force; where the force start
 errs by a Hurwitz zeta term (generalised Euler-Maclaurin), which these impulses make up for.
 """
 
-from ..core.rotation import torque_of, turned, unrotate
+from ..core.rotation import advanced_orientation, torque_of, unrotate
 from ..core.runtime import current, ti
 
 LEAST_FRACTION = 0.03  # of a step after a seam: in less the features do not differ by more than their errors
@@ -20,35 +20,35 @@ class OnsetCorrection:
         self.grains = geometry.grains
         self.surface = geometry.surface if geometry.shaped else None
         self.real = current().real
-        self.rotates, self.shaped = self.grains.has("spin"), geometry.shaped
+        self.rotates, self.shaped = self.grains.has("angular_velocity"), geometry.shaped
         self.tumbles = self.grains.has("angular_momentum")
 
     @ti.func
-    def end_kick(self, k, l, s, d, began, depth, n, arm_k, arm_l, dt):
+    def end_impulse(self, k, l, s, d, began, depth, n, arm_k, arm_l, dt):
         """Impulse along the contact [N s] in the first step after it begins (began = 1) or ends (0).
 
         It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
         `passage`. A contact that began and ended within one step leaves nothing to correct.
         """
         last, earlier = self.depths_before(k, l, s, d, n, dt)
-        ease = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
-        return self.impulse(began, depth, last, earlier, ease, dt)
+        inverse_effective_mass = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
+        return self.impulse(began, depth, last, earlier, inverse_effective_mass, dt)
 
     @ti.func
-    def impulse(self, began, depth, last, earlier, ease, dt):
-        """`end_kick` from the depths [m] now, a step and two steps ago; ease [kg-1]: acceleration of the depth per
+    def impulse(self, began, depth, last, earlier, inverse_effective_mass, dt):
+        """`end_impulse` from the depths [m] now, a step and two steps ago; ease [kg-1]: acceleration of the depth per
         force."""
-        kick = 0.0 * depth
+        impulse = 0.0 * depth
         u, inside = (depth - last) / dt, depth
         acceleration = (u - (last - earlier) / dt) / dt
         if began == 0:  # with time reversed the contact begins; its own force fades within the step
             u, inside = -u, last
-            acceleration += self.elastic_force(ti.max(last, 0.0)) * ease
+            acceleration += self.elastic_force(ti.max(last, 0.0)) * inverse_effective_mass
         u, time = self.passage(inside, u, acceleration, dt)
         if u > 0.0 and time < dt:
-            for law in ti.static(self.springs):
-                kick += law.onset_impulse(u, acceleration, time / dt, dt)
-        return kick
+            for effect in ti.static(self.springs):
+                impulse += effect.onset_impulse(u, acceleration, time / dt, dt)
+        return impulse
 
     @ti.func
     def depths_before(self, k, l, s, d, n, dt):
@@ -64,11 +64,14 @@ class OnsetCorrection:
         if ti.static(self.shaped):
             a, b = self.geometry.parts_of(k, l, s)
             features = self.geometry.remembered(s)[0]
-            turn_k = turned(g.orientation[k], g.spin[k], -dt)
-            turn_l = turned(g.orientation[l], g.spin[l], -dt)
-            depth_1, m, _ = self.surface.continued(a, b, k, l, features, d_1, turn_k, turn_l, n)
-            turn_k, turn_l = turned(turn_k, g.last_spin[k], -dt), turned(turn_l, g.last_spin[l], -dt)
-            depth_2, m, _ = self.surface.continued(a, b, k, l, features, d_2, turn_k, turn_l, n)
+            q_k = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
+            q_l = advanced_orientation(g.orientation[l], g.angular_velocity[l], -dt)
+            depth_1, m, _ = self.surface.continued(a, b, k, l, features, d_1, q_k, q_l, n)
+            q_k, q_l = (
+                advanced_orientation(q_k, g.last_angular_velocity[k], -dt),
+                advanced_orientation(q_l, g.last_angular_velocity[l], -dt),
+            )
+            depth_2, m, _ = self.surface.continued(a, b, k, l, features, d_2, q_k, q_l, n)
         return depth_1, depth_2
 
     @ti.func
@@ -98,12 +101,12 @@ class OnsetCorrection:
         """Force of the springs alone at this depth [N]."""
         contact = self.contact_type(0)
         contact.depth = depth
-        for law in ti.static(self.springs):
-            law.on_contact(contact, 0)
+        for effect in ti.static(self.springs):
+            effect.on_contact(contact, 0)
         return contact.normal_force
 
     @ti.func
-    def seam_kick(self, k, l, s, d, before, last_n, depth, n, arm_k, dt):
+    def seam_impulse(self, k, l, s, d, before, last_n, depth, n, arm_k, dt):
         """(impulse on l [N s], angular impulses on k and on l [N m s]) in the step in which a contact crosses a seam.
 
         At a seam the radius of curvature jumps, and with it the rate at which the normal turns: force and torques are
@@ -113,13 +116,13 @@ class OnsetCorrection:
         """
         a, b = self.geometry.parts_of(k, l, s)
         fraction, old_depth, old_n, old_x = self.surface.crossing(a, b, k, l, d, before, last_n, dt)
-        kick = 0.0 * n
-        twist_k, twist_l = torque_of(n, kick), torque_of(n, kick)
+        impulse = 0.0 * n
+        angular_impulse_k, angular_impulse_l = torque_of(n, impulse), torque_of(n, impulse)
         if fraction > LEAST_FRACTION and fraction < 1.0 and old_depth > 0.0:
             f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_n
             if (f - old_f).norm() < GREATEST_KINK * f.norm():
                 scale = 0.5 * dt * (fraction - 1.0 + 1.0 / (6.0 * fraction))
-                kick = scale * (f - old_f)
-                twist_k = -scale * (torque_of(arm_k, f) - torque_of(old_x, old_f))
-                twist_l = scale * (torque_of(arm_k - d, f) - torque_of(old_x - d, old_f))
-        return kick, twist_k, twist_l
+                impulse = scale * (f - old_f)
+                angular_impulse_k = -scale * (torque_of(arm_k, f) - torque_of(old_x, old_f))
+                angular_impulse_l = scale * (torque_of(arm_k - d, f) - torque_of(old_x - d, old_f))
+        return impulse, angular_impulse_k, angular_impulse_l

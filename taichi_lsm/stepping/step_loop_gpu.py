@@ -17,7 +17,7 @@ class Offloaded:
             self.move_walls(0, 1, 0, 0.0)
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
-                if self.grains.platen[k] < 0:
+                if self.grains.platen_index[k] < 0:
                     self.advance(k, 0)
                 elif ti.static(self.driven):
                     self.carry(k, 0)
@@ -33,8 +33,8 @@ class Offloaded:
                 self.steps_done[None] += 1
         for k in range(self.grains.count[None]):
             if self.halted[None] == 0:
-                lanes = self.forces.lanes(0)
-                self.forces.rows(lanes, k, k + 1, self.dt[None])
+                block = self.forces.block(0)
+                self.forces.rows(block, k, k + 1, self.dt[None])
         if ti.static(self.driven):
             if self.halted[None] == 0:
                 self.platens.gather(self.forces, self.dt[None])
@@ -46,8 +46,8 @@ class Offloaded:
     def contacts_offloaded(self, dt: ti.f64):
         """Contacts at the present positions with a thread per grain: see `contacts_only`."""
         for k in range(self.grains.count[None]):
-            lanes = self.forces.lanes(0)
-            self.forces.rows(lanes, k, k + 1, dt)
+            block = self.forces.block(0)
+            self.forces.rows(block, k, k + 1, dt)
         self.moved[None] = 0
         self.halted[None] = 0
         if ti.static(self.driven):

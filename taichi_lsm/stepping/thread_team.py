@@ -14,7 +14,7 @@ SPREAD = 512  # indices of a parallel loop per thread: Taichi hands out tasks of
 
 
 @ti.data_oriented
-class Crew:
+class ThreadTeam:
     """Counters by which `size` threads divide each of the `stages` of a launch.
 
     In a loop that is shared in this way `x[k] += a` would be atomic, and slow: write x[k] = x[k] + a.

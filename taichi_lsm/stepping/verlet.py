@@ -6,12 +6,12 @@ histories at the same time t; `diagnostics` synchronises velocities to t.
 Many steps are made in one launch, by a crew of threads that share its stages; any number of them gives the same bits.
 """
 
-from ..core.rotation import free_rotor, momentum_of, spin_of, turned, unrotate
+from ..core.rotation import advanced_orientation, angular_velocity_of, free_rotor, momentum_of, unrotate
 from ..core.runtime import current, ti, when_allocated
 from .step_loop_gpu import Offloaded
-from .thread_team import SPREAD, Crew
+from .thread_team import SPREAD, ThreadTeam
 
-TURN_MARGIN = 1.01  # the spin is a mean over the step; the turn may be a little more
+ROTATION_MARGIN = 1.01  # the spin is a mean over the step; the turn may be a little more
 STAGES = 4  # of a step: platens, drift, contacts, and before these the bonds
 MOST_STEPS = 512  # of a launch
 LAST_STAGE = STAGES * (MOST_STEPS + 1)
@@ -32,7 +32,7 @@ class VelocityVerlet(Offloaded):
     conservative = False  # only for scenes that lose no energy
 
     def __init__(self, forces, platens, skin, dt, threads=1):
-        self.forces, self.platens, self.crew = forces, platens, Crew(threads, LAST_STAGE + 1)
+        self.forces, self.platens, self.crew = forces, platens, ThreadTeam(threads, LAST_STAGE + 1)
         self.grains, self.domain = forces.grains, forces.domain
         self.driven, self.walled = platens is not None, forces.walled
         self.led = self.driven or self.walled or self.domain.sheared
@@ -77,29 +77,31 @@ class VelocityVerlet(Offloaded):
         g, dt, push_time = self.grains, self.drift_time(step), self.kick_time(step)
         before = g.position[k]
         self.keep_velocity(k)
-        force, torque, kick, twist = self.forces.gathered(k)
+        force, torque, kick, angular_impulse = self.forces.gathered(k)
         push = force * push_time + kick
         g.velocity[k] = self.kicked(k, g.velocity[k], push * g.inverse_mass[k], g.inverse_mass[k])
         g.position[k] = g.position[k] + g.velocity[k] * dt
         if ti.static(self.domain.sheared):
-            self.forces.geometry.book_shear(k, self.domain.carried(g.velocity[k], before, dt) / g.inverse_mass[k])
+            self.forces.geometry.add_shear_work(k, self.domain.carried(g.velocity[k], before, dt) / g.inverse_mass[k])
         if ti.static(self.tumbles):
-            self.tumble(k, torque * push_time + twist, dt)
+            self.tumble(k, torque * push_time + angular_impulse, dt)
         else:
             if ti.static(self.rotates):
                 inverse = g.inverse_inertia[k]
-                g.spin[k] = self.kicked(k, g.spin[k], (torque * push_time + twist) * inverse, inverse)
+                g.angular_velocity[k] = self.kicked(
+                    k, g.angular_velocity[k], (torque * push_time + angular_impulse) * inverse, inverse
+                )
             if ti.static(self.oriented):
-                g.orientation[k] = turned(g.orientation[k], g.spin[k], dt)
+                g.orientation[k] = advanced_orientation(g.orientation[k], g.angular_velocity[k], dt)
         self.watch(k, before, step)
 
     @ti.func
     def kicked(self, k, before, change, inverse_inertia):
         """Velocity or spin of grain k after the kick of a step and the laws of motion, which book what they take."""
         result = before + change
-        for law in ti.static(self.forces.motion_laws):
-            left = law.on_velocity(before, result, self.dt[None])
-            self.book(k, law, (0.5 * (before + left) * (result - left) / inverse_inertia).sum())
+        for effect in ti.static(self.forces.motion_effects):
+            left = effect.on_velocity(before, result, self.dt[None])
+            self.channel(k, effect, (0.5 * (before + left) * (result - left) / inverse_inertia).sum())
             result = left
         return result
 
@@ -108,19 +110,19 @@ class VelocityVerlet(Offloaded):
         """Angular momentum of grain k after an angular impulse, like `kicked`."""
         old, turn = self.grains.angular_momentum[k], self.grains.orientation[k]
         result = old + push
-        for law in ti.static(self.forces.motion_laws):
-            left = law.on_velocity(old, result, self.dt[None])
-            self.book(k, law, spin_of(turn, 0.5 * (old + left), inverse).dot(result - left))
+        for effect in ti.static(self.forces.motion_effects):
+            left = effect.on_velocity(old, result, self.dt[None])
+            self.channel(k, effect, angular_velocity_of(turn, 0.5 * (old + left), inverse).dot(result - left))
             result = left
         return result
 
     @ti.func
-    def book(self, k, law: ti.template(), lost):
+    def channel(self, k, effect: ti.template(), lost):
         """Enter the energy [J] that a law of motion took from grain k."""
         g = self.grains
-        if ti.static(self.forces.ledger and law.dissipates):
-            book = ti.static(self.forces.book_of(law))
-            g.dissipated[k][book] = g.dissipated[k][book] + lost
+        if ti.static(self.forces.track_dissipation and effect.dissipates):
+            channel = ti.static(self.forces.channel_of(effect))
+            g.dissipated[k][channel] = g.dissipated[k][channel] + lost
 
     @ti.func
     def carry(self, k, step):
@@ -157,7 +159,7 @@ class VelocityVerlet(Offloaded):
         if ti.static(self.forces.onset):
             g.last_velocity[k] = g.velocity[k]
             if ti.static(self.shaped):
-                g.last_spin[k] = g.spin[k]
+                g.last_angular_velocity[k] = g.angular_velocity[k]
 
     @ti.func
     def tumble(self, k, push, dt):
@@ -171,7 +173,9 @@ class VelocityVerlet(Offloaded):
         after = free_rotor(before, momentum, inverse, dt)
         g.angular_momentum[k] = momentum
         g.orientation[k] = after
-        g.spin[k] = 0.5 * (spin_of(before, momentum, inverse) + spin_of(after, momentum, inverse))
+        g.angular_velocity[k] = 0.5 * (
+            angular_velocity_of(before, momentum, inverse) + angular_velocity_of(after, momentum, inverse)
+        )
 
     @ti.func
     def watch(self, k, before, step):
@@ -185,16 +189,16 @@ class VelocityVerlet(Offloaded):
         if ti.static(self.domain.sheared):
             passed = self.domain.passed(g.position[k], before, limit, self.dt[None])
         if ti.static(self.shaped):
-            fastest = ti.abs(g.spin[k][0]) if ti.static(g.dim == 2) else g.spin[k].norm()
-            turning = TURN_MARGIN * fastest * self.drift_time(step) * g.radius[k]
+            fastest = ti.abs(g.angular_velocity[k][0]) if ti.static(g.dim == 2) else g.angular_velocity[k].norm()
+            turning = ROTATION_MARGIN * fastest * self.drift_time(step) * g.radius[k]
             if ti.static(self.conservative):  # such schemes also go back in time
                 turning = ti.abs(turning)
             g.travel[k] = g.travel[k] + passed + turning
         way = g.position[k] - g.built_position[k]
         if ti.static(self.domain.sheared):
-            way, limit = self.domain.way_in_flow(way, g.built_position[k], limit, (step + 1) * self.dt[None])
+            way, limit = self.domain.displacement_in_flow(way, g.built_position[k], limit, (step + 1) * self.dt[None])
         if ti.static(
-            self.forces.several
+            self.forces.multi_part
         ):  # a point at the distance R moves by less than R |turn| (2D), 2 R |turn| (3D)
             turn = (g.orientation[k] - g.built_orientation[k]).norm()
             limit -= ti.static(1.0 if self.grains.dim == 2 else 2.0) * turn * g.radius[k]
@@ -206,21 +210,21 @@ class VelocityVerlet(Offloaded):
         """(velocity [m s-1], spin [rad s-1]) of grain k at the time of its position."""
         g = self.grains
         v = g.velocity[k]
-        omega = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["spin"])
+        omega = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["rotation"])
         if ti.static(self.rotates):
-            omega = g.spin[k]
+            omega = g.angular_velocity[k]
         if ti.static(self.half_step):
-            if g.platen[k] < 0:
+            if g.platen_index[k] < 0:
                 h = 0.5 * self.last_time()
-                force, torque, kick, twist = self.forces.gathered(k)
+                force, torque, kick, angular_impulse = self.forces.gathered(k)
                 v += (force * h + kick) * g.inverse_mass[k]
                 if ti.static(self.tumbles):
-                    momentum = g.angular_momentum[k] + torque * h + twist
-                    omega = spin_of(g.orientation[k], momentum, ti.cast(g.inverse_inertia[k], ti.f64))
+                    momentum = g.angular_momentum[k] + torque * h + angular_impulse
+                    omega = angular_velocity_of(g.orientation[k], momentum, ti.cast(g.inverse_inertia[k], ti.f64))
                 elif ti.static(self.rotates):
-                    omega += (torque * h + twist) * g.inverse_inertia[k]
+                    omega += (torque * h + angular_impulse) * g.inverse_inertia[k]
         elif ti.static(self.tumbles):
-            omega = spin_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
+            omega = angular_velocity_of(g.orientation[k], g.angular_momentum[k], ti.cast(g.inverse_inertia[k], ti.f64))
         return v, omega
 
     @ti.func
@@ -228,9 +232,9 @@ class VelocityVerlet(Offloaded):
         """Angular momentum [kg m2 s-1] of grain k, in the world frame, at the time of its position (3D)."""
         result = self.grains.angular_momentum[k]
         if ti.static(self.half_step):
-            if self.grains.platen[k] < 0:
-                force, torque, kick, twist = self.forces.gathered(k)
-                result += torque * (0.5 * self.last_time()) + twist
+            if self.grains.platen_index[k] < 0:
+                force, torque, kick, angular_impulse = self.forces.gathered(k)
+                result += torque * (0.5 * self.last_time()) + angular_impulse
         return result
 
     @ti.func
@@ -259,7 +263,7 @@ class VelocityVerlet(Offloaded):
     @ti.func
     def work(self, t, count, resume, contact_dt):
         """What thread t does in a launch, see `steps`."""
-        lanes = self.forces.lanes(0)
+        block = self.forces.block(0)
         step, going, fault = 0, 1, 0
         while step <= count and going == 1 and fault == 0:
             stage = STAGES * step  # a thread that slept through a step must not mistake one stage for another
@@ -276,7 +280,7 @@ class VelocityVerlet(Offloaded):
                     part = self.crew.take(t, stage + 1)
                     while part >= 0:
                         for k in range(self.crew.first[part], self.crew.first[part + 1]):
-                            if self.grains.platen[k] < 0:
+                            if self.grains.platen_index[k] < 0:
                                 self.advance(k, step)
                         part = self.crew.hand_in(t, stage + 1)
                     if ti.static(self.led):
@@ -290,10 +294,12 @@ class VelocityVerlet(Offloaded):
                 if going == 1:
                     part = self.crew.take(t, stage + 2)
                     while part >= 0:
-                        self.forces.rows(lanes, self.crew.first[part], self.crew.first[part + 1], dt)
+                        self.forces.rows(block, self.crew.first[part], self.crew.first[part + 1], dt)
                         part = self.crew.hand_in(t, stage + 2)
                     self.crew.wait(t, stage + 2)
-                    fault = self.forces.geometry.faults.code[None]  # of this step, or of one that others have begun
+                    fault = self.forces.geometry.error_flags.code[
+                        None
+                    ]  # of this step, or of one that others have begun
             step += going
         if self.crew.alone(LAST_STAGE):
             self.halted[None] = 1 - going
@@ -333,16 +339,16 @@ class VelocityVerlet(Offloaded):
         for k in range(self.grains.count[None]):
             g = self.grains
             if ti.static(self.tumbles):
-                g.angular_momentum[k] = momentum_of(g.orientation[k], g.spin[k], 1.0 / g.inverse_inertia[k])
+                g.angular_momentum[k] = momentum_of(g.orientation[k], g.angular_velocity[k], 1.0 / g.inverse_inertia[k])
             if ti.static(self.half_step):
-                if g.platen[k] < 0:
+                if g.platen_index[k] < 0:
                     h = -0.5 * self.last_time()
-                    force, torque, kick, twist = self.forces.gathered(k)
+                    force, torque, kick, angular_impulse = self.forces.gathered(k)
                     g.velocity[k] = g.velocity[k] + force * (g.inverse_mass[k] * h)
                     if ti.static(self.tumbles):
                         g.angular_momentum[k] = g.angular_momentum[k] + torque * h
                     elif ti.static(self.rotates):
-                        g.spin[k] = g.spin[k] + torque * (g.inverse_inertia[k] * h)
+                        g.angular_velocity[k] = g.angular_velocity[k] + torque * (g.inverse_inertia[k] * h)
             self.keep_velocity(k)
 
 

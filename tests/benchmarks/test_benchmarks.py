@@ -36,14 +36,14 @@ def test_states_are_dense(state):
 
 def test_scene_holds_the_state(state):
     scene = scenes.build(state)
-    assert (scene.platen[state.kind == scenes.MOBILE] == -1).all()
-    assert (scene.platen[state.kind == scenes.TOP] == 1).all()
+    assert (scene.platen_index[state.kind == scenes.MOBILE] == -1).all()
+    assert (scene.platen_index[state.kind == scenes.TOP] == 1).all()
     np.testing.assert_allclose(scene.masses()[0], state.mass, rtol=1e-14)
     assert scene.dt == scenes.TIME_STEP < scene.stable_dt()
     assert {e.name for e in scene.effects} == {"linear_elastic", "viscous_damping", "coulomb_friction"}
-    assert not scene.ledger and scene.integrator is lsm.VelocityVerlet
+    assert not scene.track_dissipation and scene.integrator is lsm.VelocityVerlet
     full = scenes.build(state, extras=True)
-    assert full.ledger and full.integrator is lsm.OnsetVerlet
+    assert full.track_dissipation and full.integrator is lsm.OnsetVerlet
 
 
 def test_unknown_scene_is_named():
@@ -81,9 +81,9 @@ def test_a_domain_may_be_longer():
 
 
 def test_bounds_are_printed_beside_values():
-    figures = {"a": bounds.figure(2.0, "s", 2.0), "b": bounds.figure(2.1, "s", 2.0)}
-    assert figures["a"]["holds"] and not figures["b"]["holds"]
-    assert bounds.table(figures).splitlines()[2:] == ["| a | 2 | s | 2 | yes |", "| b | 2.1 | s | 2 | NO |"]
+    metrics = {"a": bounds.figure(2.0, "s", 2.0), "b": bounds.figure(2.1, "s", 2.0)}
+    assert metrics["a"]["holds"] and not metrics["b"]["holds"]
+    assert bounds.table(metrics).splitlines()[2:] == ["| a | 2 | s | 2 | yes |", "| b | 2.1 | s | 2 | NO |"]
 
 
 def test_growth_is_relative_to_ten_thousand():
@@ -176,11 +176,11 @@ Loop time of 1e-06 on 1 procs for 0 steps with 3 atoms
 
 
 def test_output_of_lammps_is_read():
-    figures = lammps.parse(OUTPUT, 3)
-    assert figures["seconds"] == 1.25 and figures["cpu_seconds"] == pytest.approx(1.0)
-    assert figures["contacts_per_grain"] == 4.5
-    assert figures["pressure"] == 65.25 and figures["mass"] == 2.25
-    assert figures["rotational_energy"] == 0.4
+    metrics = lammps.parse(OUTPUT, 3)
+    assert metrics["seconds"] == 1.25 and metrics["cpu_seconds"] == pytest.approx(1.0)
+    assert metrics["contacts_per_grain"] == 4.5
+    assert metrics["pressure"] == 65.25 and metrics["mass"] == 2.25
+    assert metrics["rotational_energy"] == 0.4
     assert lammps.parse(OUTPUT, 2)["rotational_energy"] == pytest.approx(0.5)  # a disc, not a sphere
     with pytest.raises(ValueError, match="did not finish"):
         lammps.parse("ERROR: Lost atoms", 3)
@@ -199,15 +199,15 @@ def test_missing_lammps_is_said_and_ours_goes_on(monkeypatch, capsys):
 
 
 def test_results_have_the_documented_form():
-    figures = {"contacts_per_grain": 4.5, "pressure": 65.0, "translational_energy": 2.0}
-    other = figures | {"pressure": 65.1, "seconds": 1.0}
+    metrics = {"contacts_per_grain": 4.5, "pressure": 65.0, "translational_energy": 2.0}
+    other = metrics | {"pressure": 65.1, "seconds": 1.0}
     turns = [100.0, 120.0, 110.0], [130.0, 125.0, 135.0], [88.0, 80.0, 90.0]
-    row = run.times(*turns) | run.agreement(figures, other, run.MARGINS["S"])
+    row = run.times(*turns) | run.agreement(metrics, other, run.MARGINS["S"])
     assert (row["ours_ns"], row["lammps_ns"], row["ratio"]) == (110.0, 88.0, 1.25)
     assert (row["ours_extras_ns"], row["ours_ns_min"], row["lammps_ns_min"]) == (130.0, 100.0, 80.0)
-    row |= {"ours_end": figures, "lammps_end": figures}
+    row |= {"ours_end": metrics, "lammps_end": metrics}
     assert row["agree"] and len(row["ratio_turns"]) == 3 and "seconds" not in row["lammps"]
-    assert not run.agreement(figures, other | {"pressure": 80.0}, run.MARGINS["S"])["agree"]
+    assert not run.agreement(metrics, other | {"pressure": 80.0}, run.MARGINS["S"])["agree"]
     assert "| S3_10000_f64_2t | 110 | 88 | 1.25 | 1.25 | 1.48 | - |" in run.table({"S3_10000_f64_2t": row})
     row |= run.times(*turns, "cpu_")
     assert row["cpu_ratio"] == row["ratio"] and row["ours_cpu_ns"] == row["ours_ns"]

@@ -54,14 +54,14 @@ def test_stored_volumes(state):
 
 def test_our_scene_stands_for_the_clumps(state):
     scene = clumps.build(state, clumps.relaxed(state.tag))
-    assert (scene.platen[state.kind == scenes.MOBILE] == -1).all()
-    assert (scene.platen[state.kind == scenes.TOP] == 1).all()
-    assert scene.shapes[0].face_count == 20 and (scene.shape == 0).all() and len(scene.shapes) == 1
+    assert (scene.platen_index[state.kind == scenes.MOBILE] == -1).all()
+    assert (scene.platen_index[state.kind == scenes.TOP] == 1).all()
+    assert scene.shapes[0].face_count == 20 and (scene.shape_index == 0).all() and len(scene.shapes) == 1
     assert scene.masses()[0].sum() == pytest.approx(state.mass.sum(), rel=1e-12)
-    ratio = scene.scale**3 * np.pi / 6 / state.volume  # one factor for all volumes
+    ratio = scene.diameter**3 * np.pi / 6 / state.volume  # one factor for all volumes
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
     assert 1.0 < ratio[0] < 1.3
-    assert scene.dt == scenes.TIME_STEP < scene.stable_dt() and not scene.ledger
+    assert scene.dt == scenes.TIME_STEP < scene.stable_dt() and not scene.track_dissipation
 
 
 def test_relaxed_grains_are_near_the_clumps(state):
@@ -87,7 +87,7 @@ def test_growth_starts_without_deep_contacts(state):
         apart -= np.round(apart / state.box) * state.box * [1, 0, 1]
         gap = np.linalg.norm(apart, axis=1) - scene.shapes[0].bounding_radius * (d + d[i])
         gap[i] = 0.0
-        assert (gap > -0.5 * scene.shapes[0].cap_radius * (d + d[i]) - 1e-12).all()
+        assert (gap > -0.5 * scene.shapes[0].overlap_limit * (d + d[i]) - 1e-12).all()
 
 
 def test_data_file_holds_the_spheres(state):
@@ -135,12 +135,12 @@ TOUCHING = "ITEM: TIMESTEP\n600\nITEM: ENTRIES c_touch[1] c_touch[2]\n8 9\n10 1\
 def test_output_of_lammps_is_read():
     state = clumps.load("P8_500")
     assert lammps_clumps.touching_clumps(TOUCHING, 8).tolist() == [[0, 1], [0, 2]]
-    figures = lammps_clumps.parse(PRINTED, TOUCHING, state)
+    metrics = lammps_clumps.parse(PRINTED, TOUCHING, state)
     mobile = state.kind == scenes.MOBILE
     ends = 2 * mobile[0] + mobile[1] + mobile[2]
-    assert figures["contacts_per_grain"] == pytest.approx(ends / mobile.sum())
-    assert figures["sphere_contacts_per_grain"] == pytest.approx(768 / mobile.sum())
-    assert figures["normal_stress"] == pytest.approx(320 / (state.box[0] * state.box[2]))
-    assert figures["seconds"] == 1.25 and figures["cpu_seconds"] == pytest.approx(1.0)
+    assert metrics["contacts_per_grain"] == pytest.approx(ends / mobile.sum())
+    assert metrics["sphere_contacts_per_grain"] == pytest.approx(768 / mobile.sum())
+    assert metrics["normal_stress"] == pytest.approx(320 / (state.box[0] * state.box[2]))
+    assert metrics["seconds"] == 1.25 and metrics["cpu_seconds"] == pytest.approx(1.0)
     with pytest.raises(ValueError, match="did not finish"):
         lammps_clumps.parse("ERROR: Lost atoms", TOUCHING, state)

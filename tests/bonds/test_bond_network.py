@@ -51,13 +51,13 @@ def respond(dim: ti.template(), given: ti.types.ndarray(), out: ti.types.ndarray
             out[i, 4 + c], out[i, 7 + c] = couple_k[c], couple_l[c]
 
 
-def placed(dim, branch, turn_k, turn_l):
+def placed(dim, branch, q_k, q_l):
     """Row of `given` for bodies with anchors (0.4, 0.3) from k and the opposite from l, and their arms."""
     anchor = np.array([0.4, 0.3, 0.0])
-    arm_k, arm_l = turn_k.apply(anchor), turn_l.apply(-anchor)
+    arm_k, arm_l = q_k.apply(anchor), q_l.apply(-anchor)
     row = np.zeros(16)
     row[0:3] = branch + arm_l - arm_k
-    rel = (turn_l * turn_k.inv()).as_quat(scalar_first=True)
+    rel = (q_l * q_k.inv()).as_quat(scalar_first=True)
     row[4:8] = rel if dim == 3 else (rel[0] ** 2 - rel[3] ** 2, 2 * rel[0] * rel[3], 0, 0)
     row[8:11], row[12:15] = arm_k / 0.5, -arm_l / 0.5
     return row, arm_k, arm_l
@@ -82,30 +82,33 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
         v[axes] = size * rng.uniform(-1, 1, len(axes))
         return v
 
-    turn_k = Rotation.from_rotvec(vector(about, 2.0))
-    turn_l = Rotation.from_rotvec(vector(about, size)) * turn_k
-    branch = turn_k.apply([0.8, 0.6, 0.0]) + vector(free, size)
-    row, arm_k, arm_l = placed(dim, branch, turn_k, turn_l)
-    energy, force, couples = np.split(response(dim, [row])[0], [1, 4])
-    couple_k, couple_l = np.split(couples, 2)
+    q_k = Rotation.from_rotvec(vector(about, 2.0))
+    q_l = Rotation.from_rotvec(vector(about, size)) * q_k
+    branch = q_k.apply([0.8, 0.6, 0.0]) + vector(free, size)
+    row, arm_k, arm_l = placed(dim, branch, q_k, q_l)
+    energy, force, adds_moment = np.split(response(dim, [row])[0], [1, 4])
+    couple_k, couple_l = np.split(adds_moment, 2)
     if dim == 2:
         couple_k, couple_l = np.array([0, 0, couple_k[0]]), np.array([0, 0, couple_l[0]])
     torque_k, torque_l = couple_k - np.cross(arm_k, force), couple_l + np.cross(arm_l, force)
     h = 1e-5
     for wanted, axes, move in (
-        (force, free, lambda a: (branch + a, turn_k, turn_l)),
-        (torque_k, about, lambda a: (branch, Rotation.from_rotvec(a) * turn_k, turn_l)),
-        (torque_l, about, lambda a: (branch, turn_k, Rotation.from_rotvec(a) * turn_l)),
+        (force, free, lambda a: (branch + a, q_k, q_l)),
+        (torque_k, about, lambda a: (branch, Rotation.from_rotvec(a) * q_k, q_l)),
+        (torque_l, about, lambda a: (branch, q_k, Rotation.from_rotvec(a) * q_l)),
     ):
         rows = [placed(dim, *move(s * h * np.eye(3)[c]))[0] for c in axes for s in (1, -1)]
         up, down = response(dim, rows)[:, 0].reshape(-1, 2).T
         assert np.allclose(-(up - down) / (2 * h), wanted[axes], rtol=0, atol=1e-8 * max(1e-2, size))
     assert np.abs(torque_k + torque_l + np.cross(branch, force)).max() < 1e-14
     assert energy > 0
-    turned = Rotation.from_rotvec(vector(about, 3.0))
-    same = response(dim, [placed(dim, turned.apply(branch), turned * turn_k, turned * turn_l)[0]])[0]
+    rotation = Rotation.from_rotvec(vector(about, 3.0))
+    same = response(
+        dim,
+        [placed(dim, rotation.apply(branch), rotation * q_k, rotation * q_l)[0]],
+    )[0]
     assert same[0] == pytest.approx(energy[0], rel=1e-9)
-    assert np.allclose(same[1:4], turned.apply(force), rtol=0, atol=1e-14)
+    assert np.allclose(same[1:4], rotation.apply(force), rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -183,8 +186,8 @@ def beam_scene():
     return scenes.scene(
         x,
         [lsm.LinearElastic(1e6), bond(), GlobalDamping(6.0), TipForce((0.0, 0.0, 0.0), 1.001 * 1000 * np.pi / 6)],
-        scale=scale,
-        platen=platen,
+        diameter=scale,
+        platen_index=platen,
         platens=[lsm.Platen("base", still), lsm.Platen("ram", drive)],
         area=1.0,
         bonds=np.array([(i + 1, i) for i in range(LINKS)] + [(LINKS + 1, LINKS + 2)]),
@@ -198,7 +201,12 @@ def beam(runtime):
 
 def restart(sim, scene, **columns):
     """Start again from `scene` with bonds as at its start, though there are platens."""
-    rest = {"position": scene.position, "velocity": scene.velocity, "spin": scene.spin, "orientation": scene.turns()}
+    rest = {
+        "position": scene.position,
+        "velocity": scene.velocity,
+        "angular_velocity": scene.angular_velocity,
+        "orientation": scene.turns(),
+    }
     for name, values in rest.items():
         getattr(sim.state, name).from_numpy(values)
     sim.bonds.fill(scene)
@@ -209,8 +217,8 @@ def restart(sim, scene, **columns):
 def test_a_row_of_bonded_grains_is_a_beam(beam, direction):
     """Euler-Bernoulli and the shear that the bonds have, with their section; extension."""
     size, direction = 40.0, np.array(direction)
-    law = scenes.law(beam, "tip_force")
-    law.f_.from_numpy(size * direction.astype(float))
+    effect = scenes.effect(beam, "tip_force")
+    effect.f_.from_numpy(size * direction.astype(float))
     restart(beam, beam_scene())
     beam.run(60_000)
     assert np.abs(beam.state.velocity.to_numpy()).max() < 1e-8
@@ -227,7 +235,7 @@ def test_a_row_of_bonded_grains_is_a_beam(beam, direction):
 
 def test_a_sheared_pair_breaks_at_its_strength(beam):
     speed, b = 0.05, LINKS
-    scenes.law(beam, "tip_force").f_.fill(0.0)
+    scenes.effect(beam, "tip_force").f_.fill(0.0)
     beam.platens.set("ram", 1, lsm.ConstantVelocity(speed))
     restart(beam, beam_scene())
     strongest = 0.0
@@ -257,16 +265,16 @@ def pairs_scene():
     first = GAP * np.arange(4)[:, None] * [0.0, 1.0, 0.0]
     length = np.array([1.0, 1.0, 1.0, 1.0 - OVERLAP])
     x = np.stack([first, first + length[:, None] * [1.0, 0, 0]], axis=1).reshape(-1, 3)
-    v, spin = np.zeros((4, 2, 3)), np.zeros((4, 2, 3))
+    v, angular_velocity = np.zeros((4, 2, 3)), np.zeros((4, 2, 3))
     v[0, :, 0] = -2.0, 2.0
-    spin[1, :, 2] = 4.0, -4.0
-    spin[2, :, 0] = -4.0, 4.0
+    angular_velocity[1, :, 2] = 4.0, -4.0
+    angular_velocity[2, :, 0] = -4.0, 4.0
     v[3, :, 0] = -2.0, 2.0
     return scenes.scene(
         x,
         [lsm.LinearElastic(1e6), bond()],
         velocity=v.reshape(-1, 3),
-        spin=spin.reshape(-1, 3),
+        angular_velocity=angular_velocity.reshape(-1, 3),
         bonds=np.arange(8).reshape(4, 2),
         dt=2e-6,
     )
@@ -277,14 +285,14 @@ def cluster_scene():
     rng = np.random.default_rng(2)
     x = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (20, 0, 0), (0, 20, 0), (0, 0, 20)], float)
     v = np.cross([0.5, 1.0, -0.7], x) + [0.1, 0.2, 0.3]
-    spin = np.array([0.5, 1.0, -0.7]) + rng.normal(size=x.shape)
+    angular_velocity = np.array([0.5, 1.0, -0.7]) + rng.normal(size=x.shape)
     loose = np.arange(8) >= 5
-    v[loose], spin[loose] = 0.0, 0.0
+    v[loose], angular_velocity[loose] = 0.0, 0.0
     return scenes.scene(
         x,
         [lsm.LinearElastic(1e6), bond(cohesion=1e9)],
         velocity=v,
-        spin=spin,
+        angular_velocity=angular_velocity,
         bonds=[(0, 1), (1, 2), (2, 3), (3, 4)],
         dt=1e-4,
     )
@@ -331,8 +339,10 @@ def test_a_spinning_cluster_keeps_its_momenta_and_its_energy(free):
 
     def momenta():
         """Of the positions and velocities of the half step: the kicks of all bonds balance exactly."""
-        x, v, spin = (getattr(free.state, name).to_numpy() for name in ("position", "velocity", "spin"))
-        return (mass[:, None] * v).sum(0), (np.cross(x, mass[:, None] * v) + inertia * spin).sum(0)
+        x, v, angular_velocity = (
+            getattr(free.state, name).to_numpy() for name in ("position", "velocity", "angular_velocity")
+        )
+        return (mass[:, None] * v).sum(0), (np.cross(x, mass[:, None] * v) + inertia * angular_velocity).sum(0)
 
     p, angular = momenta()
     begin, lost = scenes.energy(free)

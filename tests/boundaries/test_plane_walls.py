@@ -31,7 +31,7 @@ BOX = [
 HALL = [*BOX[:2], lsm.PlaneWall("right", (90.0, 0.0), (-1.0, 0.0)), lsm.PlaneWall("lid", (0.0, 90.0), (0.0, -1.0))]
 
 
-def laws(gravity):
+def effects_of(gravity):
     return [
         lsm.LinearElastic(K),
         lsm.ViscousDamping(restitution=1.0),
@@ -46,18 +46,18 @@ def box_of_discs(**more):
     """24 discs in a box, far from each other."""
     rng = np.random.default_rng(5)
     place = np.stack(np.divmod(np.arange(COUNT), 5), axis=1) * 1.7 + 1.2
-    return scenes.scene(place, laws((0.0, -G)), scale=rng.uniform(0.7, 1.2, COUNT), walls=BOX, **more)
+    return scenes.scene(place, effects_of((0.0, -G)), diameter=rng.uniform(0.7, 1.2, COUNT), walls=BOX, **more)
 
 
 def settings(sim, walls=BOX, restitution=1.0, friction=0.3, rolling=0.0, drag=0.0, gravity=(0.0, -G)):
     """Other values of the laws and walls, for the next `reload`."""
     sim.scene.walls = walls
-    scenes.law(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
-    scenes.law(sim, "coulomb_friction").mu_[0] = friction
-    scenes.law(sim, "rolling_resistance").mu_[0] = rolling
-    scenes.law(sim, "global_damping").gamma_[0] = drag
+    scenes.effect(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
+    scenes.effect(sim, "coulomb_friction").mu_[0] = friction
+    scenes.effect(sim, "rolling_resistance").mu_[0] = rolling
+    scenes.effect(sim, "global_damping").gamma_[0] = drag
     for axis, g in enumerate(gravity):
-        scenes.law(sim, "gravity").g_[axis] = g
+        scenes.effect(sim, "gravity").g_[axis] = g
 
 
 def state(sim):
@@ -76,7 +76,7 @@ def fly(sim, seconds=1.0, dt=2e-4):
     settings(sim, restitution=0.8)
     v = rng.normal(0, 5, (COUNT, 2))
     start = box_of_discs().position
-    scenes.reload(sim, dt, position=start, velocity=v, spin=rng.normal(0, 5, (COUNT, 1)))
+    scenes.reload(sim, dt, position=start, velocity=v, angular_velocity=rng.normal(0, 5, (COUNT, 1)))
     sim.walls.set_velocity("lid", (2.0, -4.0))
     before = sum(scenes.energy(sim))
     sim.run(int(seconds / sim.dt))
@@ -95,7 +95,9 @@ def one(sim, height, velocity, dt=None, steps=None):
     x = np.stack([1.5 * np.arange(COUNT), np.full(COUNT, 50.0)], axis=1)
     v = np.zeros_like(x)
     x[0], v[0] = (5.0, r - mass * G / K if height is None else height), velocity
-    scenes.reload(sim, dt or np.pi * np.sqrt(mass / K) / steps, position=x, velocity=v, spin=np.zeros((COUNT, 1)))
+    scenes.reload(
+        sim, dt or np.pi * np.sqrt(mass / K) / steps, position=x, velocity=v, angular_velocity=np.zeros((COUNT, 1))
+    )
     return r, mass
 
 
@@ -149,8 +151,8 @@ def test_a_sliding_disc_ends_rolling_at_two_thirds_of_its_speed(discs):
     assert discs.state.velocity.to_numpy()[0, 0] > 2.05
     assert discs.measure.sums()["sliding_count"] == 1
     discs.run(int(0.6 * sliding / discs.dt))
-    v, spin = discs.state.velocity.to_numpy()[0], discs.state.spin.to_numpy()[0, 0]
-    assert v[0] == pytest.approx(2.0, rel=5e-3) and -spin * r == pytest.approx(2.0, rel=5e-3)
+    v, angular_velocity = discs.state.velocity.to_numpy()[0], discs.state.angular_velocity.to_numpy()[0, 0]
+    assert v[0] == pytest.approx(2.0, rel=5e-3) and -angular_velocity * r == pytest.approx(2.0, rel=5e-3)
 
 
 @pytest.mark.parametrize("slope, rolls", [(0.9, False), (1.1, True)])
@@ -171,9 +173,9 @@ def test_rolling_resistance_holds_up_to_its_slope(discs, slope, rolls):
 def test_a_heap_weighs_on_the_walls(discs):
     settings(discs, restitution=0.3, drag=8.0)
     heap = box_of_discs()
-    scenes.reload(discs, 2e-4, position=heap.position, velocity=heap.velocity, spin=heap.spin)
+    scenes.reload(discs, 2e-4, position=heap.position, velocity=heap.velocity, angular_velocity=heap.angular_velocity)
     discs.run(40_000)
-    scenes.law(discs, "global_damping").gamma_[0] = 400.0
+    scenes.effect(discs, "global_damping").gamma_[0] = 400.0
     discs.run(60_000)
     weight = G / discs.state.inverse_mass.to_numpy()
     force = discs.walls.snapshot()["force"]
@@ -232,7 +234,7 @@ def test_bits_do_not_depend_on_threads(tmp_path):
 
 def test_walls_that_make_no_sense_are_refused():
     def walls(*given, **more):
-        effects = more.pop("effects", laws((0.0, -G)))
+        effects = more.pop("effects", effects_of((0.0, -G)))
         return scenes.scene([(1.0, 1.0), (3.0, 0.2)], effects, walls=list(given), **more)
 
     with pytest.raises(lsm.InputError, match="wall 'floor': the centre of grain 1 starts beyond it"):

@@ -31,7 +31,7 @@ def press(runtime):
         scenes.scene(
             START,
             [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.3)],
-            platen=np.array([BASE, -1, -1, PRESS, RAM, -1]),
+            platen_index=np.array([BASE, -1, -1, PRESS, RAM, -1]),
             platens=platens,
             thickness=1.0,
             area=1.0,
@@ -175,6 +175,6 @@ def test_values_out_of_range_name_the_drive_and_the_field(make, field):
     ],
 )
 def test_platens_that_make_no_sense_are_refused(runtime, platens, message):
-    scene = scenes.scene(START[:2], [lsm.LinearElastic(K)], platen=np.array([0, -1]), platens=platens)
+    scene = scenes.scene(START[:2], [lsm.LinearElastic(K)], platen_index=np.array([0, -1]), platens=platens)
     with pytest.raises(lsm.InputError, match=message):
         scenes.simulate(scene)

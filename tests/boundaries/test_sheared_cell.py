@@ -20,7 +20,12 @@ WIDE, HIGH = 11.0, 9.0
 def pair(arcs):
     """Two grains in a large cell."""
     shapes = lsm.random_angular_shapes(2, 7) if arcs else [lsm.disc()]
-    more = {"shapes": shapes, "shape": np.arange(2) % len(shapes), "lengths": (WIDE, HIGH), "periodic": (True, True)}
+    more = {
+        "shapes": shapes,
+        "shape_index": np.arange(2) % len(shapes),
+        "lengths": (WIDE, HIGH),
+        "periodic": (True, True),
+    }
     return scenes.scene([(3.0, 3.0), (6.0, 6.0)], scenes.frictional(100 * K), shear_rate=RATE, dt=1e-4, **more)
 
 
@@ -30,7 +35,7 @@ def test_grains_collide_across_the_border_as_inside(runtime, arcs):
     sim = scenes.simulate(pair(arcs))
     v = np.array([(0.5, 1.0), (-1.0, -1.5)])
     x = np.array([(4.0, 4.0), (4.5, 5.2)])
-    spin, strain, up = np.array([(1.0,), (-2.0,)]), 0.37, 4.4
+    angular_velocity, strain, up = np.array([(1.0,), (-2.0,)]), 0.37, 4.4
     columns = {"orientation": sim.scene.turns()} if arcs else {}
     found = []
     for shift in ((0.0, 0.0), (0.0, up), (0.0, up + 3 * HIGH)):
@@ -40,7 +45,7 @@ def test_grains_collide_across_the_border_as_inside(runtime, arcs):
             image = -1.0 if shift[1] == up else 2.0
             start[1] += image * np.array([strain * HIGH, HIGH]) + [WIDE, 0.0]
             speed[1, 0] += image * RATE * HIGH
-        scenes.reload(sim, strain=strain, position=start, velocity=speed, spin=spin, **columns)
+        scenes.reload(sim, strain=strain, position=start, velocity=speed, angular_velocity=angular_velocity, **columns)
         touched = 0
         for _ in range(160):
             sim.run(25)
@@ -52,7 +57,7 @@ def test_grains_collide_across_the_border_as_inside(runtime, arcs):
         if shift[1]:
             end[1] -= image * np.array([(strain + RATE * sim.time) * HIGH, HIGH]) + [WIDE, 0.0]
         assert touched == 1
-        found.append(np.concatenate([end.ravel(), w.ravel(), sim.state.spin.to_numpy().ravel()]))
+        found.append(np.concatenate([end.ravel(), w.ravel(), sim.state.angular_velocity.to_numpy().ravel()]))
     assert np.abs(found[0][4:8] - v.ravel()).min() > 0.1
     assert found[1] == pytest.approx(found[0], abs=1e-9)
     assert found[2] == pytest.approx(found[0], abs=1e-9)
@@ -72,7 +77,7 @@ def dense(runtime):
 def start(sim, shift=0.0):
     """Shear from the packing, every grain moved along y."""
     x = sim.scene.position + [0.0, shift]
-    scenes.reload(sim, position=x, velocity=sim.domain.mean_flow(x), spin=np.zeros((len(x), 1)))
+    scenes.reload(sim, position=x, velocity=sim.domain.mean_flow(x), angular_velocity=np.zeros((len(x), 1)))
 
 
 def images(sim, x, strain):
@@ -178,14 +183,14 @@ def test_bits_depend_neither_on_threads_nor_on_the_skin(tmp_path, body):
         with np.load(file) as arrays:
             found.append(dict(arrays))
     assert found[0]["rebuilds"] > 2 * found[1]["rebuilds"] > 4
-    for name in ("position", "velocity", "spin", "shear_work", "dissipated", "strain"):
+    for name in ("position", "velocity", "angular_velocity", "shear_work", "dissipated", "strain"):
         assert np.array_equal(found[0][name], found[1][name]), name
 
 
 def test_what_cannot_be_sheared_is_refused():
     def cell(effects=(), lengths=(9.0, 9.0), periodic=(True, True), **more):
-        laws = [lsm.LinearElastic(K), *effects]
-        return scenes.scene([(1.0, 1.0)], laws, lengths=lengths, periodic=periodic, shear_rate=1.0, **more)
+        effects = [lsm.LinearElastic(K), *effects]
+        return scenes.scene([(1.0, 1.0)], effects, lengths=lengths, periodic=periodic, shear_rate=1.0, **more)
 
     cell()
     with pytest.raises(lsm.InputError, match="needs a cell that is periodic along x and y"):
@@ -202,6 +207,7 @@ if __name__ == "__main__":
     sim = scenes.simulate(layer(float(sys.argv[3]), True, sys.argv[4]), threads=int(sys.argv[2]))
     sim.run(6000 if sys.argv[4] == "discs" else 2400)
     columns = {
-        n: getattr(sim.state, n).to_numpy() for n in ("position", "velocity", "spin", "shear_work", "dissipated")
+        n: getattr(sim.state, n).to_numpy()
+        for n in ("position", "velocity", "angular_velocity", "shear_work", "dissipated")
     }
     np.savez(sys.argv[1], rebuilds=sim.rebuilds, strain=sim.domain.strain[0], **columns)

@@ -30,7 +30,7 @@ class Probe:
             self.arm[self.forces.grains.id[k]] = arm
 
 
-def laws(k, *more):
+def effects_of(k, *more):
     return [lsm.LinearElastic(k), lsm.CoulombFriction(0.3, 0.5 * k), *more]
 
 
@@ -39,9 +39,9 @@ def angular(runtime):
     """A disc, a disc of 30 arcs and six angular grains over a floor, far apart."""
     shapes = [lsm.disc(), lsm.regular_disc_of_arcs(30), *lsm.random_angular_shapes(6, 4)]
     x = np.stack([3.0 * np.arange(8), np.full(8, 0.8)], axis=1)
-    effects = laws(K, lsm.ViscousDamping(restitution=0.5), GlobalDamping(0.0), lsm.Gravity((0.0, -G)))
+    effects = effects_of(K, lsm.ViscousDamping(restitution=0.5), GlobalDamping(0.0), lsm.Gravity((0.0, -G)))
     floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
-    more = {"shapes": shapes, "shape": np.arange(8), "walls": [floor], "angle": np.linspace(0.0, 5.0, 8)}
+    more = {"shapes": shapes, "shape_index": np.arange(8), "walls": [floor], "angle": np.linspace(0.0, 5.0, 8)}
     return scenes.simulate(scenes.scene(x, effects, dt=5e-5, **more))
 
 
@@ -65,29 +65,40 @@ def test_the_deepest_point_of_a_chain_is_that_of_its_outline(angular):
 
 def test_a_disc_of_arcs_does_what_a_disc_does(angular):
     scene = angular.scene
-    spin = np.linspace(3.0, 3.0, 8)[:, None]
+    angular_velocity = np.linspace(3.0, 3.0, 8)[:, None]
     v = np.tile([1.5, -2.0], (8, 1))
-    scenes.reload(angular, position=scene.position, velocity=v, spin=spin, orientation=scene.turns())
+    scenes.reload(
+        angular, position=scene.position, velocity=v, angular_velocity=angular_velocity, orientation=scene.turns()
+    )
     apart = 0.0
     for _ in range(10):
         angular.run(2000)
-        v, spin = angular.state.velocity.to_numpy(), angular.state.spin.to_numpy()
+        v, angular_velocity = angular.state.velocity.to_numpy(), angular.state.angular_velocity.to_numpy()
         x = angular.state.position.to_numpy() - scene.position
-        apart = max(apart, np.abs(x[0] - x[1]).max(), np.abs(v[0] - v[1]).max(), np.abs(spin[0] - spin[1]).max())
+        apart = max(
+            apart,
+            np.abs(x[0] - x[1]).max(),
+            np.abs(v[0] - v[1]).max(),
+            np.abs(angular_velocity[0] - angular_velocity[1]).max(),
+        )
     assert np.abs(x[0]).min() > 0.1 and apart < 1e-7
 
 
 def test_angular_grains_come_to_rest_on_a_flat_side(angular):
     """The wall's force then passes through the centre, on an arc that is a side."""
     scene = angular.scene
-    scenes.law(angular, "global_damping").gamma_[0] = 3.0  # against rocking without loss on a side that is an arc
+    scenes.effect(angular, "global_damping").gamma_[0] = 3.0  # against rocking without loss on a side that is an arc
     still = np.zeros((8, 1))
     scenes.reload(
-        angular, position=scene.position, velocity=0.0 * scene.position, spin=still, orientation=scene.turns()
+        angular,
+        position=scene.position,
+        velocity=0.0 * scene.position,
+        angular_velocity=still,
+        orientation=scene.turns(),
     )
     angular.run(200_000)
     assert np.abs(angular.state.velocity.to_numpy()).max() < 1e-3
-    assert np.abs(angular.state.spin.to_numpy()[2:]).max() < 1e-3
+    assert np.abs(angular.state.angular_velocity.to_numpy()[2:]).max() < 1e-3
     probe = Probe(angular)
     probe.measure()
     weight = G / angular.state.inverse_mass.to_numpy()
@@ -104,7 +115,9 @@ def test_angular_grains_come_to_rest_on_a_flat_side(angular):
 @pytest.fixture(scope="module")
 def spheres(runtime):
     """Two spheres, one over a floor, one under a ceiling to which it sticks."""
-    effects = laws(100 * K, lsm.ViscousDamping(restitution=0.5), Cohesion(1e-6, 0.02), lsm.Gravity((0.0, 0.0, -G)))
+    effects = effects_of(
+        100 * K, lsm.ViscousDamping(restitution=0.5), Cohesion(1e-6, 0.02), lsm.Gravity((0.0, 0.0, -G))
+    )
     floor = lsm.PlaneWall("floor", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     ceiling = lsm.PlaneWall("ceiling", (0.0, 0.0, 10.0), (0.0, 0.0, -1.0))
     x = np.array([(0.0, 0.0, 0.5), (5.0, 0.0, 9.49)])
@@ -112,32 +125,32 @@ def spheres(runtime):
 
 
 def test_a_sliding_sphere_ends_rolling_at_five_sevenths_of_its_speed(spheres):
-    scenes.law(spheres, "cohesion").f_[0] = 1e-6
+    scenes.effect(spheres, "cohesion").f_[0] = 1e-6
     mass = 1.0 / spheres.state.inverse_mass.to_numpy()[0]
     v0 = np.array([1.2, -1.6, 0.0])
     x = np.array([(0.0, 0.0, 0.5 - 0.01 * mass * G / K), (5.0, 0.0, 9.2)])
-    scenes.reload(spheres, position=x, velocity=np.array([v0, 0 * v0]), spin=np.zeros((2, 3)))
+    scenes.reload(spheres, position=x, velocity=np.array([v0, 0 * v0]), angular_velocity=np.zeros((2, 3)))
     spheres.run(int(1.3 * 2 * 2.0 / (7 * 0.3 * G) / spheres.dt))
-    v, spin = spheres.state.velocity.to_numpy()[0], spheres.state.spin.to_numpy()[0]
+    v, angular_velocity = spheres.state.velocity.to_numpy()[0], spheres.state.angular_velocity.to_numpy()[0]
     assert v[:2] == pytest.approx(5 / 7 * v0[:2], rel=5e-3)
-    assert spin == pytest.approx([-v[1] / 0.5, v[0] / 0.5, 0.0], rel=5e-3, abs=1e-9)
+    assert angular_velocity == pytest.approx([-v[1] / 0.5, v[0] / 0.5, 0.0], rel=5e-3, abs=1e-9)
 
 
 def test_a_sphere_hangs_from_the_ceiling_by_cohesion(spheres):
     """f (1 - gap/h) = m g: it is caught within the reach, without touching."""
     mass = 1.0 / spheres.state.inverse_mass.to_numpy()[0]
     pull = 2.0 * mass * G
-    scenes.law(spheres, "cohesion").f_[0] = pull
+    scenes.effect(spheres, "cohesion").f_[0] = pull
     depth = (pull - mass * G) / (100 * K)
     x = np.array([(0.0, 0.0, 3.0), (5.0, 0.0, 9.5 + depth)])
-    scenes.reload(spheres, position=x, velocity=np.zeros((2, 3)), spin=np.zeros((2, 3)))
+    scenes.reload(spheres, position=x, velocity=np.zeros((2, 3)), angular_velocity=np.zeros((2, 3)))
     spheres.run(5000)
     sums = spheres.measure.sums()
     assert sums["contact_count"] == 1
     assert spheres.walls.snapshot()["force"][1] == pytest.approx([0.0, 0.0, -mass * G], rel=1e-9, abs=1e-9)
     assert spheres.state.position.to_numpy()[1, 2] == pytest.approx(9.5 + depth, abs=1e-12)
     # not touching: repelled by nothing, pulled by f (1 - gap/h) < f
-    scenes.reload(spheres, position=x - [0.0, 0.0, 0.005], velocity=np.zeros((2, 3)), spin=np.zeros((2, 3)))
+    scenes.reload(spheres, position=x - [0.0, 0.0, 0.005], velocity=np.zeros((2, 3)), angular_velocity=np.zeros((2, 3)))
     gap = 0.005 - depth
     sums = spheres.measure.sums()
     assert sums["contact_count"] == 0
@@ -152,9 +165,9 @@ def polyhedra(runtime):
     turn = rng.normal(size=(6, 4))
     x = np.stack([3.0 * np.arange(6), np.zeros(6), np.full(6, 0.85)], axis=1)
     floor = lsm.PlaneWall("floor", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    effects = laws(K, lsm.ViscousDamping(restitution=0.3), GlobalDamping(2.0), lsm.Gravity((0.0, 0.0, -G)))
+    effects = effects_of(K, lsm.ViscousDamping(restitution=0.3), GlobalDamping(2.0), lsm.Gravity((0.0, 0.0, -G)))
     more = {"orientation": turn / np.linalg.norm(turn, axis=1)[:, None], "walls": [floor]}
-    return scenes.scene(x, effects, shapes=shapes, shape=np.arange(6), dt=5e-5, **more)
+    return scenes.scene(x, effects, shapes=shapes, shape_index=np.arange(6), dt=5e-5, **more)
 
 
 def body_down(turn):

@@ -99,8 +99,8 @@ def overlapping_pairs(rng, table):
     return (
         {
             "position": np.stack([centre, centre + c], axis=1).reshape(-1, 2),
-            "shape": shape.ravel(),
-            "scale": scale.ravel(),
+            "shape_index": shape.ravel(),
+            "diameter": scale.ravel(),
             "angle": turn.ravel(),
         },
         depth,
@@ -145,8 +145,8 @@ def test_depth_and_normal_are_those_of_the_least_separation(pairs):
 
 def support_of(sim, arguments, grain, angle):
     """h of a grain of the scene at world directions [m]."""
-    shape = sim.scene.shapes[arguments["shape"][grain]]
-    return arguments["scale"][grain] * support(shape, angle - arguments["angle"][grain])
+    shape = sim.scene.shapes[arguments["shape_index"][grain]]
+    return arguments["diameter"][grain] * support(shape, angle - arguments["angle"][grain])
 
 
 def test_forces_torques_and_energy_of_the_contacts(pairs):
@@ -169,7 +169,7 @@ def test_disc_cut_into_arcs_has_the_contacts_of_the_disc(pairs, table, arcs):
     """Same places and angles as the random pairs, but every grain a disc of arcs, or one of each."""
     sim, probe, arguments, *_ = pairs
     rng = np.random.default_rng(arcs)
-    cut, scale = len(table) - 3 + [8, 30, 120].index(arcs), arguments["scale"].reshape(-1, 2)
+    cut, scale = len(table) - 3 + [8, 30, 120].index(arcs), arguments["diameter"].reshape(-1, 2)
     kind = np.where(rng.random((PAIRS, 2)) < 0.7, cut, 0)
     depth = 10 ** rng.uniform(-6, -1, PAIRS)
     towards = unit(rng.integers(0, 60, PAIRS) * np.pi / 30 + rng.choice([0, 1e-9, 0.01], PAIRS))  # on seams too
@@ -177,12 +177,12 @@ def test_disc_cut_into_arcs_has_the_contacts_of_the_disc(pairs, table, arcs):
     place[:, 1] = place[:, 0] + (0.5 * scale.sum(axis=1) - depth)[:, None] * towards
     rest = np.zeros((2 * PAIRS, 2))
     turn = np.where(rng.random(2 * PAIRS) < 0.5, 0.0, arguments["angle"])
-    before = {name: getattr(sim.state, name).to_numpy() for name in ("shape", "radius", "cap_radius")}
+    before = {name: getattr(sim.state, name).to_numpy() for name in ("shape_index", "radius", "overlap_limit")}
     before |= {"orientation": unit(arguments["angle"]), "position": arguments["position"]}
-    half = {"radius": 0.5 * scale.ravel(), "cap_radius": 0.5 * scale.ravel()}
+    half = {"radius": 0.5 * scale.ravel(), "overlap_limit": 0.5 * scale.ravel()}
     try:
         scenes.reload(
-            sim, position=place.reshape(-1, 2), shape=kind.ravel(), orientation=unit(turn), velocity=rest, **half
+            sim, position=place.reshape(-1, 2), shape_index=kind.ravel(), orientation=unit(turn), velocity=rest, **half
         )
         found, n, arm_k, arm_l = probe.rows()
         apart = place[:, 1] - place[:, 0]
@@ -197,7 +197,7 @@ def test_disc_cut_into_arcs_has_the_contacts_of_the_disc(pairs, table, arcs):
 
 def test_depth_beyond_the_cap_names_the_grains(pairs, table):
     sim, probe, arguments, *_ = pairs
-    caps = sim.state.cap_radius.to_numpy().reshape(-1, 2).sum(axis=1)
+    caps = sim.state.overlap_limit.to_numpy().reshape(-1, 2).sum(axis=1)
     victim = int(np.argmax((caps < 0.12) & (np.arange(PAIRS) > 100)))
     place = arguments["position"].reshape(-1, 2, 2).copy()
     inwards = place[victim, 0] - place[victim, 1]

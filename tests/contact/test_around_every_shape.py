@@ -18,7 +18,7 @@ LIBRARY = {
         lsm.regular_disc_of_arcs(30),
         lsm.ellipse(2.0),
         lsm.superellipse(1.5, 4.0),
-        lsm.pave(16, 4.0, 1, 0.08, 0.02)[0][3],
+        lsm.voronoi_packing(16, 4.0, 1, 0.08, 0.02)[0][3],
     ],
     3: lambda: [
         lsm.sphere(),
@@ -28,7 +28,7 @@ LIBRARY = {
         lsm.ball_of_faces(60, 0.01),
         lsm.ellipsoid((1.0, 1.5, 2.0), 30),
         lsm.superellipsoid((1.0, 1.0, 1.0), 6.0, 30),
-        lsm.pave_volume(8, 2.0, 1, 0.06, 0.02)[0][3],
+        lsm.laguerre_packing(8, 2.0, 1, 0.06, 0.02)[0][3],
     ],
 }
 PROBES = 60  # of each shape
@@ -62,7 +62,7 @@ def test_the_stiffness_is_the_same_all_round(runtime, dim):
         kind.append(np.tile([s, 0], PROBES))
         pressed.append(np.repeat(n, 2, axis=0))
     scene = scenes.scene(
-        np.concatenate(place), [lsm.LinearElastic(STIFFNESS)], shapes=shapes, shape=np.concatenate(kind), dt=1e-6
+        np.concatenate(place), [lsm.LinearElastic(STIFFNESS)], shapes=shapes, shape_index=np.concatenate(kind), dt=1e-6
     )
     sim = scenes.simulate(scene)
     sim.run(1)  # the depth changes by a billionth
@@ -79,9 +79,9 @@ def rolling(dim):
     shape = lsm.superellipse(1.3, 2.5, 30) if dim == 2 else lsm.ball_of_faces(60, 0.05)
     down = np.eye(dim)[1] * -1.0
     reach = float((surface(shape, down[None]) @ down)[0])
-    turned = {} if dim == 2 else {"orientation": np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))}
-    spin = np.zeros((2, 1 if dim == 2 else 3))
-    spin[1, -1] = -4.0
+    orientations = {} if dim == 2 else {"orientation": np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))}
+    angular_velocity = np.zeros((2, 1 if dim == 2 else 3))
+    angular_velocity[1, -1] = -4.0
     return scenes.scene(
         np.stack([25.0 * down, -down * reach]),
         [
@@ -91,17 +91,17 @@ def rolling(dim):
             lsm.Gravity(tuple(10.0 * down)),
         ],
         shapes=[lsm.disc() if dim == 2 else lsm.sphere(), shape],
-        shape=np.array([0, 1]),
-        scale=np.array([50.0, 1.0]),
+        shape_index=np.array([0, 1]),
+        diameter=np.array([50.0, 1.0]),
         velocity=np.stack([0 * down, 1.5 * np.eye(dim)[0]]),
-        spin=spin,
+        angular_velocity=angular_velocity,
         density=100.0,
         thickness=1.0,
-        platen=np.array([0, -1]),
+        platen_index=np.array([0, -1]),
         platens=[lsm.Platen("floor", [lsm.Fixed()] * dim)],
         area=1.0,
         dt=1e-5,
-        **turned,
+        **orientations,
     )
 
 

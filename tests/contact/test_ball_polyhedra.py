@@ -108,8 +108,8 @@ def pairs(runtime, table):
             np.stack([centre, centre + c], axis=1).reshape(-1, 3),
             [lsm.LinearElastic(STIFFNESS)],
             shapes=table,
-            shape=shape.ravel(),
-            scale=scale.ravel(),
+            shape_index=shape.ravel(),
+            diameter=scale.ravel(),
             orientation=quaternion,
         )
     )
@@ -155,8 +155,8 @@ def test_force_and_torques_are_the_gradient_of_the_depth(pairs):
                     x[1::2] += step
                 else:
                     which = slice(name == "turn l", None, 2)
-                    turned = Rotation.from_rotvec(step) * Rotation.from_quat(turn[which], scalar_first=True)
-                    q[which] = turned.as_quat(scalar_first=True)
+                    rotation = Rotation.from_rotvec(step) * Rotation.from_quat(turn[which], scalar_first=True)
+                    q[which] = rotation.as_quat(scalar_first=True)
                 sim.state.position.from_numpy(x)
                 sim.state.orientation.from_numpy(q)
                 depth, _, _, _, now = probe.rows()

@@ -21,9 +21,9 @@ class Finder:
 
     def __init__(self, dim, periodic):
         self.dim, self.periodic = dim, periodic
-        rows = grain_variables(rotates=False, oriented=False, shaped=False, ledger=0)
+        rows = grain_variables(rotates=False, oriented=False, shaped=False, track_dissipation=0)
         self.grains = Grains(dim, COUNT, rows, 0)
-        self.grains.set_column("platen", -1)
+        self.grains.set_column("platen_index", -1)
         self.grains.set_column("radius", 0.5)
         self.domain = Domain((10.0,) * dim, periodic)
         self.search = NeighbourSearch(self.grains, self.domain, SKIN)
@@ -188,18 +188,18 @@ def test_glued_grains_are_not_listed_and_crushed_platens_are_named(finders):
     finder = finders[2]
     position, radius, lengths = placed(np.random.default_rng(2), 2, "many cells")
     glued = np.where(np.arange(COUNT) % 3 == 0, 0, -1)
-    finder.grains.set_column("platen", glued)
+    finder.grains.set_column("platen_index", glued)
     try:
         listed = finder.find(position, radius, lengths)
         both = brute_force(position, radius, lengths, finder.periodic)
         expected = both[(glued[both] < 0).any(axis=1)]
         assert 0 < len(expected) < len(both)
         assert np.array_equal(listed[np.lexsort(listed.T[::-1])], expected)
-        finder.grains.set_column("platen", np.arange(COUNT) % 2)
+        finder.grains.set_column("platen_index", np.arange(COUNT) % 2)
         with pytest.raises(lsm.SimulationError, match="touches the other platen"):
             finder.find(position, radius, lengths)
     finally:
-        finder.grains.set_column("platen", -1)
+        finder.grains.set_column("platen_index", -1)
 
 
 def test_position_that_is_no_number_names_the_grain(finders):

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from taichi_lsm.core.data_files import data_path, references
+from taichi_lsm.core.data_files import data_path, published_friction
 
 COLUMNS = ["source", "year", "conditions", "dimension", "shape", "mu", "kind", "reference", "note"]
 
@@ -20,7 +20,7 @@ def test_reference_rows_are_complete():
 
 
 def test_reference_values_are_plausible():
-    for row in references():
+    for row in published_friction():
         assert 0.05 < row["mu"] < 1.0, row
         assert row["dimension"] in (1, 2, 3) and row["kind"] in ("laboratory", "simulation"), row
         assert row["note"] in ("abstract read", "unchecked"), row
@@ -30,10 +30,10 @@ def test_reference_values_are_plausible():
 
 def test_known_values_are_there():
     """The figures that the comparison of shapes is held against."""
-    mu = {(r["source"], r["dimension"], r["shape"]): r["mu"] for r in references()}
+    mu = {(r["source"], r["dimension"], r["shape"]): r["mu"] for r in published_friction()}
     assert mu["Mair 2002", 3, "smooth sphere"] == 0.45 and mu["Mair 2002", 3, "angular"] == 0.60
     assert mu["Frye 2002", 1, "rod"] == 0.15 and mu["Frye 2002", 2, "rod"] == 0.30
-    latham = [r for r in references() if r["source"] == "Latham 2005"]
+    latham = [r for r in published_friction() if r["source"] == "Latham 2005"]
     rotating = [r["mu"] for r in latham if "grains rotate" in r["conditions"]]
     assert rotating == [0.30, 0.38]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from taichi_lsm.core.fields import spin_size, turn_size
-from taichi_lsm.core.rotation import rotate, spin_velocity, torque_of, turned, unrotate
+from taichi_lsm.core.fields import orientation_size, rotation_size
+from taichi_lsm.core.rotation import advanced_orientation, rotate, rotational_velocity, torque_of, unrotate
 from taichi_lsm.core.runtime import ti
 
 COUNT = 1000
@@ -16,24 +16,24 @@ class Rotor:
 
     def __init__(self, dim):
         self.dim = dim
-        self.turn = ti.Vector.field(turn_size(dim), ti.f64, COUNT)
-        self.omega = ti.Vector.field(spin_size(dim), ti.f64, COUNT)
-        self.torque = ti.Vector.field(spin_size(dim), ti.f64, COUNT)
-        self.a, self.seen, self.back, self.speed = (ti.Vector.field(dim, ti.f64, COUNT) for _ in range(4))
+        self.turn = ti.Vector.field(orientation_size(dim), ti.f64, COUNT)
+        self.omega = ti.Vector.field(rotation_size(dim), ti.f64, COUNT)
+        self.torque = ti.Vector.field(rotation_size(dim), ti.f64, COUNT)
+        self.a, self.make_contact, self.back, self.speed = (ti.Vector.field(dim, ti.f64, COUNT) for _ in range(4))
 
     @ti.kernel
     def apply(self):
         for c in range(COUNT):
-            self.seen[c] = rotate(self.turn[c], self.a[c])
-            self.back[c] = unrotate(self.turn[c], self.seen[c])
-            self.speed[c] = spin_velocity(self.omega[c], self.a[c])
+            self.make_contact[c] = rotate(self.turn[c], self.a[c])
+            self.back[c] = unrotate(self.turn[c], self.make_contact[c])
+            self.speed[c] = rotational_velocity(self.omega[c], self.a[c])
             self.torque[c] = torque_of(self.a[c], self.speed[c])
 
     @ti.kernel
-    def spin(self, steps: int, dt: ti.f64):
+    def angular_velocity(self, steps: int, dt: ti.f64):
         for c in range(COUNT):
             for _ in range(steps):
-                self.turn[c] = turned(self.turn[c], self.omega[c], dt)
+                self.turn[c] = advanced_orientation(self.turn[c], self.omega[c], dt)
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -41,12 +41,12 @@ def rotor(request, runtime):
     return Rotor(request.param)
 
 
-def load(rotor, rng, spin):
-    """Random unit turns, vectors and angular velocities of size `spin`; returns (turn, a, omega)."""
-    turn = rng.standard_normal((COUNT, turn_size(rotor.dim)))
+def load(rotor, rng, angular_velocity):
+    """Random unit turns, vectors and angular velocities of size `angular_velocity`; returns (turn, a, omega)."""
+    turn = rng.standard_normal((COUNT, orientation_size(rotor.dim)))
     turn /= np.linalg.norm(turn, axis=1)[:, None]
-    omega = rng.standard_normal((COUNT, spin_size(rotor.dim)))
-    omega *= np.broadcast_to(spin, COUNT)[:, None] / np.linalg.norm(omega, axis=1)[:, None]
+    omega = rng.standard_normal((COUNT, rotation_size(rotor.dim)))
+    omega *= np.broadcast_to(angular_velocity, COUNT)[:, None] / np.linalg.norm(omega, axis=1)[:, None]
     a = rng.standard_normal((COUNT, rotor.dim))
     for field, values in ((rotor.turn, turn), (rotor.omega, omega), (rotor.a, a)):
         field.from_numpy(values)
@@ -68,7 +68,7 @@ def matrices(turn):
 def test_rotate_is_the_matrix_and_unrotate_its_inverse(rotor):
     turn, a, _ = load(rotor, np.random.default_rng(0), 1.0)
     rotor.apply()
-    assert rotor.seen.to_numpy() == pytest.approx(np.einsum("cij,cj->ci", matrices(turn), a), abs=1e-14)
+    assert rotor.make_contact.to_numpy() == pytest.approx(np.einsum("cij,cj->ci", matrices(turn), a), abs=1e-14)
     assert rotor.back.to_numpy() == pytest.approx(a, abs=1e-14)
 
 
@@ -85,7 +85,7 @@ def test_spin_velocity_and_torque_are_cross_products(rotor):
 
 def test_turned_keeps_the_norm_over_a_hundred_thousand_steps(rotor):
     load(rotor, np.random.default_rng(2), np.linspace(0.0, 50.0, COUNT))
-    rotor.spin(100_000, 0.01)
+    rotor.angular_velocity(100_000, 0.01)
     assert np.abs(np.linalg.norm(rotor.turn.to_numpy(), axis=1) - 1).max() < 1e-12
 
 
@@ -93,7 +93,7 @@ def test_one_step_turns_by_the_exact_angle_about_the_axis(rotor):
     """abs(omega dt) up to 0.5: the angle to 1e-8 of itself, the axis to rounding."""
     angle = np.linspace(0.0, 0.5, COUNT)
     turn, _, omega = load(rotor, np.random.default_rng(3), angle / 0.01)
-    rotor.spin(1, 0.01)
+    rotor.angular_velocity(1, 0.01)
     step = np.einsum("cij,ckj->cik", matrices(rotor.turn.to_numpy()), matrices(turn))
     if rotor.dim == 2:
         found = np.arctan2(step[:, 1, 0], step[:, 0, 0])
@@ -106,7 +106,7 @@ def test_one_step_turns_by_the_exact_angle_about_the_axis(rotor):
 
 def test_many_small_turns_add_up(rotor):
     turn, _, omega = load(rotor, np.random.default_rng(4), 2.0)
-    rotor.spin(1000, 1e-3)  # 2 rad about a fixed axis
+    rotor.angular_velocity(1000, 1e-3)  # 2 rad about a fixed axis
     step = np.einsum("cij,ckj->cik", matrices(rotor.turn.to_numpy()), matrices(turn))
     trace = 2 * np.cos(2.0) if rotor.dim == 2 else 1 + 2 * np.cos(2.0)
     assert np.einsum("cii->c", step) == pytest.approx(np.full(COUNT, trace), abs=1e-11)

@@ -48,7 +48,7 @@ def test_refusals_name_the_row(changes, message):
 
 def test_names_are_unique_and_dtypes_known():
     surfaces = [chains.PATCH_ROWS, polyhedra.FEATURE_ROWS, polyhedra.BOUND_ROWS, cones.patch_rows(), parts.BALL_ROWS]
-    grains = grain_variables(True, True, True, 2, onset=True, tumbles=True, several=True)
+    grains = grain_variables(True, True, True, 2, onset=True, tumbles=True, multi_part=True)
     pairs = [pair_variables(True, kind, 3, True, True) for kind in ("chain", "polyhedron", "cones")]
     tables = [grains, *pairs, *surfaces, layer_rows()]
     for rows in tables:
@@ -61,4 +61,13 @@ def test_everything_that_a_restart_needs_is_marked():
     marked = {
         row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, "chain", 1) if row.restart
     }
-    assert {"position", "velocity", "spin", "orientation", "dissipated", "history", "status", "partner_id"} <= marked
+    assert {
+        "position",
+        "velocity",
+        "angular_velocity",
+        "orientation",
+        "dissipated",
+        "history",
+        "status",
+        "partner_id",
+    } <= marked

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.core.rotation import rotate, turned
+from taichi_lsm.core.rotation import advanced_orientation, rotate
 from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import contact_type
 from taichi_lsm.effects.viscous_damping import damping_ratio_of
@@ -34,9 +34,9 @@ def test_sliding_turns_into_rolling(runtime, dim, rolling, when):
         scenes.scene(
             position,
             effects,
-            scale=np.array([giant, 1.0]),
+            diameter=np.array([giant, 1.0]),
             velocity=velocity,
-            platen=np.array([0, -1]),
+            platen_index=np.array([0, -1]),
             platens=[floor],
             area=1.0,
             thickness=1.0,
@@ -53,7 +53,7 @@ def test_sliding_turns_into_rolling(runtime, dim, rolling, when):
     speeds = []
     for _ in range(200):  # the spring rings when sliding ends: its mean counts
         sim.run(10)
-        omega = sim.state.spin.to_numpy()[1, -1]
+        omega = sim.state.angular_velocity.to_numpy()[1, -1]
         speeds.append((sim.state.velocity.to_numpy()[1, 0], -0.5 * omega))
     v, rim = np.mean(speeds, axis=0)
     assert v == pytest.approx(rolling * v0, abs=2e-3)
@@ -84,15 +84,15 @@ def oblique(runtime):
 
 def collide(oblique, restitution, steps):
     sim, position, velocity, normal, tangent = oblique
-    scenes.law(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
+    scenes.effect(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
     mass = 1000.0 * np.pi / 4
     duration = np.pi * np.sqrt(0.5 * mass / HARD)
-    spin = np.zeros((len(position), 1))
-    scenes.reload(sim, duration / steps, position=position, velocity=velocity, spin=spin)
+    angular_velocity = np.zeros((len(position), 1))
+    scenes.reload(sim, duration / steps, position=position, velocity=velocity, angular_velocity=angular_velocity)
     sim.run(int(1.5 * steps))
     assert np.all(sim.pairs.status.to_numpy() == 0)
     v = sim.state.velocity.to_numpy().reshape(-1, 2, 2)
-    return v, sim.state.spin.to_numpy().reshape(-1, 2), mass
+    return v, sim.state.angular_velocity.to_numpy().reshape(-1, 2), mass
 
 
 @pytest.mark.parametrize("e", [1.0, 0.6])
@@ -133,8 +133,8 @@ COUNT = 300
 class RollingPair:
     """Contacts whose spring is loaded once, and then turned with the pair as one rigid body."""
 
-    def __init__(self, law):
-        self.law, self.contact_type = law.bound(), contact_type(3)
+    def __init__(self, effect):
+        self.effect, self.contact_type = effect.bound(), contact_type(3)
         self.normal, self.slip, self.omega, self.force = (ti.Vector.field(3, ti.f64, COUNT) for _ in range(4))
         self.turn = ti.Vector.field(4, ti.f64, COUNT)
 
@@ -150,10 +150,10 @@ class RollingPair:
                 if step == 0:
                     contact.slip = self.slip[c] / dt
                 else:
-                    turn = turned(turn, self.omega[c], dt)
-                    contact.spin_about_normal = self.omega[c].dot(rotate(turn, self.normal[c]))
+                    turn = advanced_orientation(turn, self.omega[c], dt)
+                    contact.normal_angular_velocity = self.omega[c].dot(rotate(turn, self.normal[c]))
                 contact.normal = rotate(turn, self.normal[c])
-                self.law.on_contact(contact, memory)
+                self.effect.on_contact(contact, memory)
                 self.force[c] = contact.tangential_force
             self.turn[c] = turn
 
@@ -206,8 +206,8 @@ def test_dynamic_limit_holds_from_the_static_one_until_the_contact_sticks(runtim
 
 def test_equal_coefficients_are_the_plain_law(runtime):
     outcome = []
-    for law in (lsm.CoulombFriction(MU, 1e3, MU), lsm.CoulombFriction(MU, 1e3)):
-        bench = Sliders(law, 50, dim=3)
+    for effect in (lsm.CoulombFriction(MU, 1e3, MU), lsm.CoulombFriction(MU, 1e3)):
+        bench = Sliders(effect, 50, dim=3)
         bench.set(history=0.0, load=np.linspace(-1e-5, 1e-5, 50), dt=1.0)
         bench.slide(100)
         outcome.append([bench.force.to_numpy(), bench.lost.to_numpy()])
@@ -217,9 +217,13 @@ def test_equal_coefficients_are_the_plain_law(runtime):
 
 def test_values_of_another_variant_are_not_loaded(oblique):
     sim, position, velocity, *_ = oblique
-    laws = [lsm.LinearElastic(HARD), lsm.ViscousDamping(restitution=1.0), lsm.CoulombFriction(MU, 10 * HARD, 0.5 * MU)]
+    effects = [
+        lsm.LinearElastic(HARD),
+        lsm.ViscousDamping(restitution=1.0),
+        lsm.CoulombFriction(MU, 10 * HARD, 0.5 * MU),
+    ]
     with pytest.raises(lsm.InputError, match="static and dynamic"):
-        sim.load(scenes.scene(position, laws, velocity=velocity, skin=0.5, thickness=1.0))
+        sim.load(scenes.scene(position, effects, velocity=velocity, skin=0.5, thickness=1.0))
 
 
 def test_refusals():

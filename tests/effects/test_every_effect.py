@@ -16,9 +16,19 @@ pytestmark = pytest.mark.usefixtures("runtime")
 
 COUNT = 1000
 MOST_HISTORY = 16  # values that a law of these tests may remember
-NUMBERS = ("depth", "gap", "approach", "spin_about_normal", "reduced_radius", "mass", "dt", "normal_force", "stiffness")
+NUMBERS = (
+    "depth",
+    "gap",
+    "approach",
+    "normal_angular_velocity",
+    "reduced_radius",
+    "mass",
+    "dt",
+    "normal_force",
+    "stiffness",
+)
 VECTORS = ("normal", "slip", "tangential_force")
-TURNS = ("relative_spin", "couple")  # one component in 2D
+TURNS = ("relative_angular_velocity", "contact_moment")  # one component in 2D
 LAWS = {name: cls for name, cls in find_effects().items()}
 CASES = [
     (cls, i, dim)
@@ -45,13 +55,13 @@ def io_of(dim):
 class Bench:
     """Calls the hooks of one law for COUNT contacts in one launch; what it reads and writes is in `io`."""
 
-    def __init__(self, law, dim):
-        self.law, self.dim = law.bound(), dim
-        self.contact_type = contact_type(dim, [law])
+    def __init__(self, effect, dim):
+        self.effect, self.dim = effect.bound(), dim
+        self.contact_type = contact_type(dim, [effect])
         self.io = io_of(dim)
-        self.reaches = law.reach() > 0.0
-        self.size = law.history_size(dim)
-        self.has_energy = hasattr(type(law), "contact_energy")
+        self.reaches = effect.reach() > 0.0
+        self.size = effect.history_size(dim)
+        self.has_energy = hasattr(type(effect), "contact_energy")
         for name, field in self.io.items():
             setattr(self, name, field)
 
@@ -61,38 +71,38 @@ class Bench:
             contact = self.contact_type(0)
             contact.depth, contact.approach = self.depth[c], self.approach[c]
             contact.normal, contact.slip = self.normal[c], self.slip[c]
-            contact.spin_about_normal, contact.mass = self.spin_about_normal[c], self.mass[c]
+            contact.normal_angular_velocity, contact.mass = self.normal_angular_velocity[c], self.mass[c]
             contact.dt, contact.stiffness = self.dt[c], self.stiffness[c]
             contact.normal_force, contact.tangential_force = self.normal_force[c], self.tangential_force[c]
             contact.touching = ti.cast(self.touching[c], ti.i32)
             self.give_optional(contact, c)
             if ti.static(self.size > 0):
                 memory = ti.Vector([self.history[c][i] for i in range(self.size)])
-                self.lost[c] = self.law.on_contact(contact, memory)
+                self.lost[c] = self.effect.on_contact(contact, memory)
                 for i in ti.static(range(self.size)):
                     self.history[c][i] = memory[i]
                 if ti.static(self.has_energy):
-                    self.energy[c] = self.law.contact_energy(contact, memory)
+                    self.energy[c] = self.effect.contact_energy(contact, memory)
             else:
                 memory = 0
-                self.lost[c] = self.law.on_contact(contact, memory)
+                self.lost[c] = self.effect.on_contact(contact, memory)
                 if ti.static(self.has_energy):
-                    self.energy[c] = self.law.contact_energy(contact, memory)
+                    self.energy[c] = self.effect.contact_energy(contact, memory)
             self.normal_force[c] = contact.normal_force
             self.tangential_force[c] = contact.tangential_force
             self.sliding[c] = contact.sliding
-            if ti.static(self.law.couples):
-                self.couple[c] = contact.couple
+            if ti.static(self.effect.adds_moment):
+                self.contact_moment[c] = contact.contact_moment
 
     @ti.func
     def give_optional(self, contact: ti.template(), c):
         """What only some laws want."""
-        if ti.static("reduced_radius" in self.law.needs):
+        if ti.static("reduced_radius" in self.effect.needs):
             contact.reduced_radius = self.reduced_radius[c]
-        if ti.static("relative_spin" in self.law.needs):
-            contact.relative_spin = self.relative_spin[c]
-        if ti.static(self.law.couples):
-            contact.couple = self.couple[c]
+        if ti.static("relative_angular_velocity" in self.effect.needs):
+            contact.relative_angular_velocity = self.relative_angular_velocity[c]
+        if ti.static(self.effect.adds_moment):
+            contact.contact_moment = self.contact_moment[c]
         if ti.static(self.reaches):
             contact.gap = self.gap[c]
 
@@ -103,7 +113,7 @@ class Bench:
             contact.depth, contact.normal = self.depth[c], self.normal[c]
             self.give_optional(contact, c)
             memory = ti.Vector([self.history[c][i] for i in range(max(1, self.size))])
-            self.energy[c] = self.law.contact_energy(contact, memory)
+            self.energy[c] = self.effect.contact_energy(contact, memory)
 
     def stored(self, history, **inputs):
         """Energy that contacts hold with this history [J]."""
@@ -126,7 +136,7 @@ class Bench:
         """Outputs of one step as {name: array}; normal forces are what the law added."""
         self.load(history, inputs)
         self.launch()
-        names = ("normal_force", "tangential_force", "couple", "lost", "energy", "history", "sliding")
+        names = ("normal_force", "tangential_force", "contact_moment", "lost", "energy", "history", "sliding")
         out = {name: self.io[name].to_numpy() for name in names}
         out["history"] = out["history"][:, : max(1, self.size)]
         out["normal_force"] -= inputs.get("normal_force", 0.0)
@@ -161,8 +171,8 @@ def random_contacts(rng, dim, touching=1):
         "depth": depth,
         "approach": rng.standard_normal(COUNT),
         "gap": 0.0 if touching else 100.0 * DEPTH,
-        "spin_about_normal": rng.standard_normal(COUNT) if dim == 3 else 0.0,
-        "relative_spin": rng.standard_normal((COUNT, turn_count(dim))),
+        "normal_angular_velocity": rng.standard_normal(COUNT) if dim == 3 else 0.0,
+        "relative_angular_velocity": rng.standard_normal((COUNT, turn_count(dim))),
         "reduced_radius": rng.uniform(0.1, 1.0, COUNT),
         "mass": 10 ** rng.uniform(-1, 1, COUNT),
         "dt": DT,
@@ -201,13 +211,13 @@ def check_a_parted_contact_is_cleared(bench, rng, dim):
     if dim == 3 and bench.size >= 3:  # first a vector in the contact plane
         held[:, :3] -= np.sum(held[:, :3] * gone["normal"], axis=1)[:, None] * gone["normal"]
     out = bench(history=held, **gone)
-    for name in ("normal_force", "tangential_force", "couple"):
+    for name in ("normal_force", "tangential_force", "contact_moment"):
         assert np.all(out[name] == 0.0), name
     if bench.size:
         assert np.all(out["history"] == 0.0)
     assert np.all(np.isfinite(out["lost"]))
     if bench.has_energy and bench.size:  # without motion, what is booked is what was held
-        still = {"slip": 0.0, "approach": 0.0, "spin_about_normal": 0.0, "relative_spin": 0.0}
+        still = {"slip": 0.0, "approach": 0.0, "normal_angular_velocity": 0.0, "relative_angular_velocity": 0.0}
         stored = bench.stored(held, **gone)
         assert np.all(stored > 0)
         booked = bench(history=held, **gone | still)["lost"]
@@ -225,7 +235,7 @@ def smooth(rng, steps, harmonics=4):
 def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
     """From the first touch to the parting of smooth random contacts: every step books just the work it takes."""
     steps = 200
-    base = random_contacts(rng, dim) | {"spin_about_normal": 0.0}
+    base = random_contacts(rng, dim) | {"normal_angular_velocity": 0.0}
     depth = DEPTH * (1.0 + 0.15 * smooth(rng, steps)) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None]
     depth = np.maximum(depth, 0.0)
     depth[-1] = 0.0
@@ -235,24 +245,24 @@ def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
     slip = np.einsum("tsc,scd->tcd", np.stack([smooth(rng, steps), smooth(rng, steps)], axis=1), tangent)
     slip *= 16 * DEPTH / (steps * DT) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None, None]
     history, before = None, np.zeros(COUNT)
-    force_n, force_t, couple = np.zeros(COUNT), np.zeros((COUNT, dim)), np.zeros((COUNT, turn_count(dim)))
-    spin = slip if dim == 3 else np.cross(np.broadcast_to(base["normal"], slip.shape), slip)[..., None]
+    force_n, force_t, contact_moment = np.zeros(COUNT), np.zeros((COUNT, dim)), np.zeros((COUNT, turn_count(dim)))
+    angular_velocity = slip if dim == 3 else np.cross(np.broadcast_to(base["normal"], slip.shape), slip)[..., None]
     spent, work_size = np.zeros(COUNT), np.zeros(COUNT)
     for t in range(steps):
         approach = (depth[t] - (depth[t - 1] if t else 0.0)) / DT
         inputs = base | {"approach": approach, "slip": slip[t], "depth": depth[t], "touching": depth[t] > 0}
-        inputs["relative_spin"] = spin[t]
+        inputs["relative_angular_velocity"] = angular_velocity[t]
         out = bench(history=history, **inputs | {"normal_force": SPRING * depth[t]})
         work = 0.5 * (force_n + out["normal_force"]) * approach * DT
         work -= 0.5 * np.sum((force_t + out["tangential_force"]) * slip[t], axis=1) * DT
-        work -= 0.5 * np.sum((couple + out["couple"]) * spin[t], axis=1) * DT
+        work -= 0.5 * np.sum((contact_moment + out["contact_moment"]) * angular_velocity[t], axis=1) * DT
         work_size += np.abs(work)
         spent += out["lost"]
         stored = out["energy"] if bench.has_energy else np.zeros(COUNT)
         scale = tolerance(1e-12, 1e-5) * (SPRING * DEPTH**2 + np.abs(work) + np.abs(stored))
         assert np.all(np.abs(work - out["lost"] - (stored - before)) < scale)
         before, force_n, force_t, history = stored, out["normal_force"], out["tangential_force"], out["history"]
-        couple = out["couple"]
+        contact_moment = out["contact_moment"]
     assert np.all(before == 0.0)
     assert np.all(spent >= -tolerance(1e-12, 1e-4) * work_size)
     if not dissipates:
@@ -263,25 +273,25 @@ def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
 
 def check_reaction_is_opposite(bench, inputs):
     swapped = inputs | {"normal": -inputs["normal"], "slip": -inputs["slip"]}
-    swapped["relative_spin"] = -1.0 * np.asarray(inputs["relative_spin"])
-    swapped["spin_about_normal"] = -1.0 * np.asarray(inputs["spin_about_normal"])
+    swapped["relative_angular_velocity"] = -1.0 * np.asarray(inputs["relative_angular_velocity"])
+    swapped["normal_angular_velocity"] = -1.0 * np.asarray(inputs["normal_angular_velocity"])
     first, second = two_steps(bench, inputs), two_steps(bench, swapped)
     for name in ("normal_force", "lost", "energy"):
         assert np.array_equal(first[name], second[name]), name
-    for name in ("tangential_force", "couple"):
+    for name in ("tangential_force", "contact_moment"):
         assert np.array_equal(first[name], -second[name]), name
 
 
 def check_force_turns_with_the_frame(bench, inputs, turn):
-    vectors = ("normal", "slip", "relative_spin") if turn.shape[1] == 3 else ("normal", "slip")
-    turned = inputs | {n: np.einsum("cij,cj->ci", turn, inputs[n]) for n in vectors}
-    first, second = two_steps(bench, inputs), two_steps(bench, turned)
+    vectors = ("normal", "slip", "relative_angular_velocity") if turn.shape[1] == 3 else ("normal", "slip")
+    rotated = inputs | {n: np.einsum("cij,cj->ci", turn, inputs[n]) for n in vectors}
+    first, second = two_steps(bench, inputs), two_steps(bench, rotated)
     for name in ("normal_force", "lost", "energy"):
         scale = np.abs(first[name]).max()
         assert second[name] == pytest.approx(first[name], rel=tolerance(1e-11), abs=tolerance(1e-13, 1e-5) * scale), (
             name
         )
-    for name in ("tangential_force", "couple"):
+    for name in ("tangential_force", "contact_moment"):
         expected = first[name] if first[name].shape[1] == 1 else np.einsum("cij,cj->ci", turn, first[name])
         rounding = tolerance(1e-12, 1e-5) * np.abs(expected).max()
         assert second[name] == pytest.approx(expected, rel=tolerance(1e-10), abs=rounding), name
@@ -290,11 +300,11 @@ def check_force_turns_with_the_frame(bench, inputs, turn):
 def check_nothing_is_finite(bench, inputs):
     """A contact with no overlap, no motion and no past has no force and no energy, and is a number."""
     for depth in (0.0, DEPTH):
-        still = inputs | {"depth": depth, "approach": 0.0, "slip": 0.0, "relative_spin": 0.0}
+        still = inputs | {"depth": depth, "approach": 0.0, "slip": 0.0, "relative_angular_velocity": 0.0}
         still["normal_force"] = SPRING * depth
         out = bench(**still)
         assert all(np.all(np.isfinite(values)) for values in out.values())
-        assert all(np.all(out[name] == 0.0) for name in ("tangential_force", "couple", "lost"))
+        assert all(np.all(out[name] == 0.0) for name in ("tangential_force", "contact_moment", "lost"))
         nowhere = bench(**still | {"normal": 0.0 * inputs["normal"]})  # of coincident centres, which have none
         assert all(np.all(np.isfinite(values)) for values in nowhere.values())
         if depth == 0.0 and not bench.reaches:
@@ -303,17 +313,17 @@ def check_nothing_is_finite(bench, inputs):
 
 def check_contract(cls, i, dim):
     """All of the above for one case of a law."""
-    bench, law = bench_of(cls, i, dim), cls.cases()[i]
+    bench, effect = bench_of(cls, i, dim), cls.cases()[i]
     rng = np.random.default_rng(i)
     inputs = random_contacts(rng, dim)
-    if law.phase == "normal" and bench.has_energy and not law.history:
+    if effect.phase == "normal" and bench.has_energy and not effect.history:
         check_normal_force_is_the_slope_of_the_energy(bench, inputs)
     check_a_parted_contact_is_cleared(bench, rng, dim)
     check_reaction_is_opposite(bench, inputs)
     check_force_turns_with_the_frame(bench, inputs, rotations(rng, dim))
     check_nothing_is_finite(bench, inputs)
-    if law.phase in ("damping", "tangential"):
-        check_closed_histories_create_no_energy(bench, rng, dim, law.dissipates)
+    if effect.phase in ("damping", "tangential"):
+        check_closed_histories_create_no_energy(bench, rng, dim, effect.dissipates)
 
 
 @pytest.mark.parametrize("cls, i, dim", CASES, ids=IDS)
@@ -344,8 +354,8 @@ def test_law_describes_itself(name):
 class BodyBench:
     """Calls `on_grain` and `grain_energy` of one body law at COUNT places."""
 
-    def __init__(self, law, dim):
-        self.law, self.dim = law.bound(), dim
+    def __init__(self, effect, dim):
+        self.effect, self.dim = effect.bound(), dim
         self.inverse_mass, self.energy = ti.field(ti.f64, COUNT), ti.field(ti.f64, COUNT)
         self.position, self.force = (ti.Vector.field(dim, ti.f64, COUNT) for _ in range(2))
 
@@ -353,17 +363,17 @@ class BodyBench:
     def launch(self):
         for c in range(COUNT):
             force = 0.0 * self.position[c]
-            self.law.on_grain(self.inverse_mass[c], force)
+            self.effect.on_grain(self.inverse_mass[c], force)
             self.force[c] = force
-            self.energy[c] = self.law.grain_energy(self.inverse_mass[c], self.position[c])
+            self.energy[c] = self.effect.grain_energy(self.inverse_mass[c], self.position[c])
 
 
 @pytest.mark.parametrize("name", [n for n, cls in LAWS.items() if cls.phase == "body"])
 def test_body_force_is_minus_the_slope_of_its_energy(name):
     rng = np.random.default_rng(0)
-    for law in LAWS[name].cases():
-        dim = next(len(v) for v in law.parameters().values() if np.size(v) in (2, 3))
-        bench = BodyBench(law, dim)
+    for effect in LAWS[name].cases():
+        dim = next(len(v) for v in effect.parameters().values() if np.size(v) in (2, 3))
+        bench = BodyBench(effect, dim)
         position = rng.standard_normal((COUNT, dim))
         bench.inverse_mass.from_numpy(10 ** rng.uniform(-2, 2, COUNT))
 

@@ -20,7 +20,7 @@ def impacts(runtime):
     x[:, 1] = 5.0 * np.repeat(np.arange(n), 2)
     x[1::2, 0] = 0.8
     sim = scenes.simulate(
-        scenes.scene(x, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.5)], scale=scale, skin=2.0)
+        scenes.scene(x, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.5)], diameter=scale, skin=2.0)
     )
     return sim, x
 
@@ -35,7 +35,7 @@ def test_restitution_is_the_same_at_any_speed(impacts, e):
     x, v = x.copy(), np.zeros_like(x)
     x[1::2, 0] += 0.01 * depth
     v[1::2, 0] = -SPEEDS
-    scenes.law(sim, "viscous_damping").write_parameters(lsm.ViscousDamping(restitution=e))
+    scenes.effect(sim, "viscous_damping").write_parameters(lsm.ViscousDamping(restitution=e))
     scenes.reload(sim, duration.min() / 300, position=x, velocity=v)
     sim.run(int(3 * duration.max() / sim.dt))
     assert sim.measure.sums()["contact_count"] == 0
@@ -45,13 +45,13 @@ def test_restitution_is_the_same_at_any_speed(impacts, e):
 
 def test_stable_step_is_that_of_the_stiffness_at_a_tenth_of_the_least_grain():
     position = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
-    grains = scenes.scene(position, [lsm.Hertz(E, NU)], scale=[1.0, 0.1])
+    grains = scenes.scene(position, [lsm.Hertz(E, NU)], diameter=[1.0, 0.1])
     radius, mass = 0.5 * 0.05 / 0.55, DENSITY * np.pi / 6 * 1e-3
     slope = 2 * E_STAR * np.sqrt(radius * 0.1 * 0.05)
     assert grains.stable_dt() == pytest.approx(2 / np.sqrt(2 * 10 * slope / mass), rel=1e-12)
-    damped = scenes.scene(position, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.1)], scale=[1.0, 0.1])
+    damped = scenes.scene(position, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.1)], diameter=[1.0, 0.1])
     assert damped.stable_dt() < 0.9 * grains.stable_dt()
-    rough = scenes.scene(position, [lsm.Hertz(E, NU), lsm.Mindlin(0.5, E, NU)], scale=[1.0, 0.1])
+    rough = scenes.scene(position, [lsm.Hertz(E, NU), lsm.Mindlin(0.5, E, NU)], diameter=[1.0, 0.1])
     assert rough.stable_dt() < 0.7 * grains.stable_dt()
 
 
@@ -72,10 +72,10 @@ def test_discs_of_arcs_collide_like_discs(runtime):
             x.reshape(-1, 2),
             effects,
             shapes=shapes,
-            shape=which.ravel(),
+            shape_index=which.ravel(),
             angle=angle.ravel(),
             velocity=v.reshape(-1, 2),
-            spin=np.tile([[2.0], [0.0]], (n, 1)),
+            angular_velocity=np.tile([[2.0], [0.0]], (n, 1)),
             skin=0.2,
             thickness=1.0,
             dt=2e-5,
@@ -88,7 +88,7 @@ def test_discs_of_arcs_collide_like_discs(runtime):
     assert left + lost == pytest.approx(start, rel=1e-4)
     assert sim.measure.sums()["contact_count"] == 0
     v = sim.state.velocity.to_numpy().reshape(n, 4)
-    omega = sim.state.spin.to_numpy().reshape(n, 2)
+    omega = sim.state.angular_velocity.to_numpy().reshape(n, 2)
     assert v[0, 0] < -0.85 and np.ptp(omega[0] - (2.0, 0.0)) < 1e-9 and abs(omega[0, 1]) > 0.1
     assert np.abs(v - v[0]).max() < scenes.tolerance(1e-9, 1e-3)
     assert np.abs(omega - omega[0]).max() < scenes.tolerance(1e-9, 1e-3)

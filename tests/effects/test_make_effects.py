@@ -7,18 +7,23 @@ from workflows import shear_gouge
 
 
 def test_laws_are_made_from_tables():
-    made = lsm.make_effects([{"law": "gravity", "acceleration": [0.0, -9.81]}, {"law": "viscous_damping", "rate": 3.0}])
+    made = lsm.make_effects(
+        [{"name": "gravity", "acceleration": [0.0, -9.81]}, {"name": "viscous_damping", "rate": 3.0}]
+    )
     assert made == [lsm.Gravity((0.0, -9.81)), lsm.ViscousDamping(rate=3.0)]
 
 
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ({"law": "gravitty"}, "law 'gravitty': unknown, must be one of .*Did you mean gravity?"),
-        ({"acceleration": [0.0, 1.0]}, "law None: unknown"),
-        ({"law": "cohesion", "pull_of_force": 1.0}, "cohesion.pull_of_force: unknown.*Did you mean pull_off_force?"),
-        ({"law": "cohesion", "distance": 1.0}, "cohesion: pull_off_force must be given"),
-        ({"law": "cohesion", "pull_off_force": -1.0, "distance": 1.0}, "Cohesion.pull_off_force = -1.0: must be > 0 N"),
+        ({"name": "gravitty"}, "effect 'gravitty': unknown, must be one of .*Did you mean gravity?"),
+        ({"acceleration": [0.0, 1.0]}, "effect None: unknown"),
+        ({"name": "cohesion", "pull_of_force": 1.0}, "cohesion.pull_of_force: unknown.*Did you mean pull_off_force?"),
+        ({"name": "cohesion", "distance": 1.0}, "cohesion: pull_off_force must be given"),
+        (
+            {"name": "cohesion", "pull_off_force": -1.0, "distance": 1.0},
+            "Cohesion.pull_off_force = -1.0: must be > 0 N",
+        ),
     ],
 )
 def test_mistakes_are_named(table, words):
@@ -27,12 +32,12 @@ def test_mistakes_are_named(table, words):
 
 
 def test_the_gouge_takes_laws_beside_its_own_and_in_place_of_them():
-    usual = [type(law).__name__ for law in shear_gouge.laws(shear_gouge.Params())]
+    usual = [type(effect).__name__ for effect in shear_gouge.effects_of(shear_gouge.Params())]
     assert usual == ["LinearElastic", "ViscousDamping", "CoulombFriction"]
     tables = [
-        {"law": "coulomb_friction", "coefficient": 0.7, "tangential_stiffness": 1e3},
-        {"law": "rolling_resistance", "coefficient": 0.1, "stiffness": 1e-3},
+        {"name": "coulomb_friction", "coefficient": 0.7, "tangential_stiffness": 1e3},
+        {"name": "rolling_resistance", "coefficient": 0.1, "stiffness": 1e-3},
     ]
-    given = shear_gouge.laws(shear_gouge.Params(effects=tables))
-    assert [type(law).__name__ for law in given] == [*usual, "RollingResistance"]
+    given = shear_gouge.effects_of(shear_gouge.Params(effects=tables))
+    assert [type(effect).__name__ for effect in given] == [*usual, "RollingResistance"]
     assert given[2].coefficient == 0.7

@@ -26,9 +26,9 @@ class Path:
     """COUNT contacts that each follow a path of slip; normal forces may change on the way."""
 
     def __init__(self, dim):
-        law = lsm.Mindlin(MU, E, NU)
-        self.law, self.dim, self.contact_type = law.bound(), dim, contact_type(dim, [law])
-        self.size = law.history_size(dim)
+        effect = lsm.Mindlin(MU, E, NU)
+        self.effect, self.dim, self.contact_type = effect.bound(), dim, contact_type(dim, [effect])
+        self.size = effect.history_size(dim)
         self.normal = ti.Vector.field(dim, ti.f64, COUNT)
         self.memory = ti.Vector.field(self.size, ti.f64, COUNT)
         self.slip, self.force = (ti.Vector.field(dim, ti.f64, COUNT) for _ in range(2))
@@ -42,7 +42,7 @@ class Path:
             contact.reduced_radius, contact.dt = RADIUS, 1.0
             contact.normal, contact.slip = self.normal[c], self.slip[c]
             memory = ti.Vector([self.memory[c][i] for i in range(self.size)])
-            self.lost[c] = self.law.on_contact(contact, memory)
+            self.lost[c] = self.effect.on_contact(contact, memory)
             for i in ti.static(range(self.size)):
                 self.memory[c][i] = memory[i]
             self.force[c] = contact.tangential_force

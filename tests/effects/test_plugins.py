@@ -62,10 +62,10 @@ def plugin(folder, slope):
 
 def test_plugin_is_discovered_and_held_to_the_contract(tmp_path, monkeypatch):
     monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
-    law = plugin(tmp_path, "3.0")
-    check_contract(law, 0, 2)
-    check_description("stiffening_spring", law)
-    effects = [law(factor=3.0e4)]
+    effect = plugin(tmp_path, "3.0")
+    check_contract(effect, 0, 2)
+    check_description("stiffening_spring", effect)
+    effects = [effect(factor=3.0e4)]
     sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.9, 0.0)], effects, dt=4e-4, integrator=lsm.VelocityVerlet))
     start, _ = scenes.energy(sim)
     assert start == pytest.approx(3.0e4 * 0.1**3 / 3.0, rel=scenes.tolerance(1e-9))

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("runtime")
 fine = pytest.mark.skipif(scenes.PRECISION == "f32", reason="parts of a slip distance to 1e-6 need f64")
 
 
-def law(evolution="ageing", stiffness=STIFF, b=B):
+def effect(evolution="ageing", stiffness=STIFF, b=B):
     return lsm.RateAndStateFriction(MU_0, A, b, D_C, V_0, stiffness, evolution)
 
 
@@ -22,8 +22,8 @@ def law(evolution="ageing", stiffness=STIFF, b=B):
 def sliders(runtime):
     """{evolution: sliders of this law}, in 2D and 3D."""
     return {
-        "ageing": Sliders(law("ageing"), COUNT, dim=2),
-        "slip": Sliders(law("slip"), COUNT, dim=3),
+        "ageing": Sliders(effect("ageing"), COUNT, dim=2),
+        "slip": Sliders(effect("slip"), COUNT, dim=3),
     }
 
 
@@ -103,7 +103,7 @@ def test_every_step_solves_the_law_at_any_rate(sliders, evolution):
     """Random springs, states, steps and velocities: rate and state after a step obey the law and its evolution."""
     bench, rng = sliders[evolution], np.random.default_rng(4)
     k_t, solved = 100.0, 0
-    bench.law.write_parameters(law(evolution, k_t))
+    bench.effect.write_parameters(effect(evolution, k_t))
     sign = -1.0 if bench.dim == 2 else 1.0  # the spring is measured along the normal (0, 1) turned by 90 degrees
     for _ in range(60):
         dt = 10 ** rng.uniform(-8, 3, COUNT) * D_C / V_0
@@ -129,7 +129,7 @@ def test_every_step_solves_the_law_at_any_rate(sliders, evolution):
         assert bench.force.to_numpy()[known] == pytest.approx(mu, abs=1e-6)
         solved += known.sum()
     assert solved > 10 * COUNT
-    bench.law.write_parameters(law(evolution))
+    bench.effect.write_parameters(effect(evolution))
 
 
 def test_refusals():

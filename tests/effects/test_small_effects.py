@@ -25,12 +25,12 @@ def rolling_disc():
             lsm.RollingResistance(ROLLING, 0.1 * STIFF),
             lsm.Gravity((0.0, -G)),
         ],
-        scale=[GROUND, 1.0],
+        diameter=[GROUND, 1.0],
         thickness=1.0,
-        platen=[0, -1],
+        platen_index=[0, -1],
         platens=[lsm.Platen("ground", [lsm.Fixed(), lsm.Fixed()])],
         velocity=np.array([(0.0, 0.0), (SPEED, 0.0)]),
-        spin=np.array([(0.0,), (-SPEED / 0.5,)]),
+        angular_velocity=np.array([(0.0,), (-SPEED / 0.5,)]),
         skin=0.2,
     )
 
@@ -39,10 +39,10 @@ def test_a_rolling_disc_slows_down_by_two_thirds_of_mu_r_g(runtime):
     """m R^2 (1 + 1/2) dv/dt = -mu_r R F_n R."""
     sim = scenes.simulate(rolling_disc())
     sim.run(int(1.0 / sim.dt))
-    v, spin = sim.state.velocity.to_numpy()[1, 0], sim.state.spin.to_numpy()[1, 0]
+    v, angular_velocity = sim.state.velocity.to_numpy()[1, 0], sim.state.angular_velocity.to_numpy()[1, 0]
     assert SPEED - v == pytest.approx(2.0 / 3.0 * ROLLING * G * sim.time, rel=0.01)
     arm = 0.5 - 0.5 * DENSITY * np.pi / 4 * G / STIFF
-    assert v == pytest.approx(-arm * spin, rel=1e-3)
+    assert v == pytest.approx(-arm * angular_velocity, rel=1e-3)
     sums = sim.measure.sums()
     kinetic = 0.75 * DENSITY * np.pi / 4 * (SPEED**2 - v**2)
     assert sums["dissipated_rolling_resistance"] == pytest.approx(kinetic, rel=0.01)
@@ -92,14 +92,14 @@ def test_global_damping_is_exponential_and_books_what_it_takes(runtime):
     rate, dt = 0.7, 1e-3
     velocity = np.random.default_rng(1).standard_normal((5, 3))
     position = 4.0 * np.arange(15.0).reshape(5, 3)
-    spin = velocity[:, ::-1].copy()
+    angular_velocity = velocity[:, ::-1].copy()
     effects = [lsm.GlobalDamping(rate), lsm.CoulombFriction(0.5, K), lsm.LinearElastic(K)]
-    sim = scenes.simulate(scenes.scene(position, effects, velocity=velocity, spin=spin, dt=dt))
+    sim = scenes.simulate(scenes.scene(position, effects, velocity=velocity, angular_velocity=angular_velocity, dt=dt))
     start, _ = scenes.energy(sim)
     sim.run(2000)
     left = np.exp(-rate * sim.time)
     assert sim.state.velocity.to_numpy() == pytest.approx(left * velocity, rel=1e-6)
-    assert sim.state.spin.to_numpy() == pytest.approx(left * spin, rel=1e-6)
+    assert sim.state.angular_velocity.to_numpy() == pytest.approx(left * angular_velocity, rel=1e-6)
     energy, lost = scenes.energy(sim)
     assert energy + lost == pytest.approx(start, rel=1e-12)
 

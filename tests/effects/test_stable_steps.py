@@ -17,36 +17,41 @@ pytestmark = [
 ]
 
 RADIUS, SPIN_FACTOR, LOAD, STEPS = 0.5, 2.5, 40.0, 400
-NORMAL = [name for name, law in LAWS.items() if law.phase == "normal"]
-SIDEWAYS = [name for name, law in LAWS.items() if law.phase == "tangential" and not law.couples]
-TURNING = [name for name, law in LAWS.items() if law.couples]
+NORMAL = [name for name, effect in LAWS.items() if effect.phase == "normal"]
+SIDEWAYS = [name for name, effect in LAWS.items() if effect.phase == "tangential" and not effect.adds_moment]
+TURNING = [name for name, effect in LAWS.items() if effect.adds_moment]
 
 
 def setting(name):
     """(the law's first case, its bench in 3D, contacts, masses (COUNT,) [kg])."""
-    law, bench = LAWS[name].cases()[0], bench_of(LAWS[name], 0, 3)
+    effect, bench = LAWS[name].cases()[0], bench_of(LAWS[name], 0, 3)
     rng = np.random.default_rng(1)
     mass = 10 ** rng.uniform(-3, 3, COUNT)
-    inputs = random_contacts(rng, 3) | {"spin_about_normal": 0.0, "mass": 0.5 * mass, "depth": DEPTH, "approach": 0.0}
-    inputs |= {"slip": 0.0, "relative_spin": 0.0, "reduced_radius": 0.5 * RADIUS, "stiffness": 0.0}
-    return law, bench, inputs, mass
+    inputs = random_contacts(rng, 3) | {
+        "normal_angular_velocity": 0.0,
+        "mass": 0.5 * mass,
+        "depth": DEPTH,
+        "approach": 0.0,
+    }
+    inputs |= {"slip": 0.0, "relative_angular_velocity": 0.0, "reduced_radius": 0.5 * RADIUS, "stiffness": 0.0}
+    return effect, bench, inputs, mass
 
 
-def stable_steps(law, mass):
+def stable_steps(effect, mass):
     """The law's own bound for a pair of grains of each mass, with one contact each."""
     curved = np.sqrt(0.5 * RADIUS * 2.0 * DEPTH)  # no contact of these tests is deeper than 2 DEPTH
     known = [
         Bodies(3, m, m * RADIUS**2 / SPIN_FACTOR, SPIN_FACTOR, 0.0, 1, 0.0, contact_radius_per_mass=curved / m)
         for m in mass
     ]
-    return np.array([law.stable_dt(bodies) for bodies in known])
+    return np.array([effect.stable_dt(bodies) for bodies in known])
 
 
-def swing(force, step, ease, velocity):
+def oscillation(force, step, inverse_effective_mass, velocity):
     """Greatest |x| of x'' = ease force(x, velocity) by leapfrog, in the first and in the second half of STEPS."""
     x, widest = np.zeros_like(velocity), []
     for _ in range(STEPS):
-        velocity = velocity + ease[:, None] * force(x, velocity) * step[:, None]
+        velocity = velocity + inverse_effective_mass[:, None] * force(x, velocity) * step[:, None]
         x = x + velocity * step[:, None]
         widest.append(np.abs(x).max(axis=1))
     widest = np.array(widest)
@@ -55,7 +60,7 @@ def swing(force, step, ease, velocity):
 
 @pytest.mark.parametrize("name", NORMAL)
 def test_normal_laws_swing_about_a_load(name):
-    law, bench, inputs, mass = setting(name)
+    effect, bench, inputs, mass = setting(name)
     load = bench(**inputs | {"normal_force": 0.0})["normal_force"]
 
     def force(x, velocity):
@@ -64,27 +69,27 @@ def test_normal_laws_swing_about_a_load(name):
 
     with np.errstate(invalid="ignore", over="ignore"):  # beyond its bound the swing leaves all that is finite
         for part, holds in ((0.9, True), (2.5, False)):
-            step = part * stable_steps(law, mass)
-            early, late = swing(force, step, 2.0 / mass, (1e-3 * DEPTH / step)[:, None])
+            step = part * stable_steps(effect, mass)
+            early, late = oscillation(force, step, 2.0 / mass, (1e-3 * DEPTH / step)[:, None])
             assert np.all(late < 1.01 * early) == holds
 
 
 @pytest.mark.parametrize("name", SIDEWAYS + TURNING)
 def test_tangential_laws_swing_about_rest(name):
-    law, bench, inputs, mass = setting(name)
+    effect, bench, inputs, mass = setting(name)
     inputs |= {"normal_force": LOAD}
     turning = name in TURNING
     along = np.cross(inputs["normal"], np.roll(inputs["normal"], 1, axis=1) + (0.3, 0.0, 0.0))
     along /= np.linalg.norm(along, axis=1)[:, None]
-    ease = 2.0 / (mass * RADIUS**2 / SPIN_FACTOR) if turning else 2.0 / mass * (1.0 + SPIN_FACTOR)
-    step = 0.9 * stable_steps(law, mass)
+    inverse_effective_mass = 2.0 / (mass * RADIUS**2 / SPIN_FACTOR) if turning else 2.0 / mass * (1.0 + SPIN_FACTOR)
+    step = 0.9 * stable_steps(effect, mass)
     memory = {"history": None}
 
     def force(x, velocity):
-        moving = {"relative_spin" if turning else "slip": velocity * along, "dt": step}
+        moving = {"relative_angular_velocity" if turning else "slip": velocity * along, "dt": step}
         out = bench(history=memory["history"], **inputs | moving)
         memory["history"] = out["history"]
-        return np.sum(out["couple" if turning else "tangential_force"] * along, axis=1)[:, None]
+        return np.sum(out["contact_moment" if turning else "tangential_force"] * along, axis=1)[:, None]
 
-    early, late = swing(force, step, ease, (1e-4 * DEPTH / step)[:, None])
+    early, late = oscillation(force, step, inverse_effective_mass, (1e-4 * DEPTH / step)[:, None])
     assert np.all(early > 0) and np.all(late < 1.01 * early)

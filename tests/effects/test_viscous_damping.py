@@ -23,7 +23,7 @@ def impacts(runtime):
     second = first + (0.5 * scale.sum(axis=1) + GAP)[:, None] * towards
     position = np.stack([first, second], axis=1).reshape(-1, 3)
     effects = [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=1.0)]
-    sim = scenes.simulate(scenes.scene(position, effects, scale=scale.ravel(), skin=0.5))
+    sim = scenes.simulate(scenes.scene(position, effects, diameter=scale.ravel(), skin=0.5))
     mass = (1000.0 * np.pi / 6 * scale**3).T
     return sim, position, towards, mass[0] * mass[1] / mass.sum(axis=0), mass
 
@@ -31,7 +31,7 @@ def impacts(runtime):
 def fly(impacts, restitution, steps_per_contact):
     """(separation speed over SPEED, duration [s]) of every impact: the duration from the path flown afterwards."""
     sim, position, towards, reduced, mass = impacts
-    scenes.law(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
+    scenes.effect(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
     dt = np.pi * np.sqrt(reduced.min() / K) / steps_per_contact
     share = np.stack([mass[1], -mass[0]]) / mass.sum(axis=0)  # at rest as a whole
     velocity = np.stack([SPEED * share[0, :, None] * towards, SPEED * share[1, :, None] * towards], axis=1)
@@ -98,9 +98,9 @@ def test_damping_ratio_is_the_inverse_of_restitution():
 
 def test_a_rate_is_not_loaded_as_a_restitution(impacts):
     sim, position, *_ = impacts
-    laws = [lsm.LinearElastic(K), lsm.ViscousDamping(rate=1.0)]
+    effects = [lsm.LinearElastic(K), lsm.ViscousDamping(rate=1.0)]
     with pytest.raises(lsm.InputError, match="rate"):
-        sim.load(scenes.scene(position, laws, skin=0.5))
+        sim.load(scenes.scene(position, effects, skin=0.5))
 
 
 def test_refusals():

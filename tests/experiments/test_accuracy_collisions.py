@@ -25,6 +25,6 @@ def test_orders_of_the_schemes(runtime, monkeypatch):
 
 def test_impacts_of_both_laws_last_as_long(runtime):
     """The speed after a contact of 96 steps shows that it has ended where the closed form says."""
-    for law in collisions.LAWS:
-        during, after, distance = collisions.errors_of_pairs({}, "velocity_verlet", law, 96, 8, 1)
+    for effect in collisions.LAWS:
+        during, after, distance = collisions.errors_of_pairs({}, "velocity_verlet", effect, 96, 8, 1)
         assert after < 1e-3 < 0.1 and distance < 1e-3 and np.isfinite(during)

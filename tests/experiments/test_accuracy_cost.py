@@ -19,10 +19,10 @@ from workflows.plots.work_precision import plot_work_precision
 DRIFT, AFTER, DURING = "energy drift of a gas", "energy after a collision", "energy during a collision"
 
 
-def falling(knob, quantity, power, factor=1.0, rate=0.02, replicas=2):
+def falling(parameter, quantity, power, factor=1.0, rate=0.02, replicas=2):
     """Trials whose error falls as the steps per contact to this power; cost grows with the steps."""
     return [
-        Trial(knob, f"{n} steps", n, quantity, r, factor * n**-power, 1e-6 * n, rate * n)
+        Trial(parameter, f"{n} steps", n, quantity, r, factor * n**-power, 1e-6 * n, rate * n)
         for n in (12, 24, 48, 96)
         for r in range(replicas)
     ]
@@ -35,8 +35,8 @@ def trials():
         found += falling(scheme, DRIFT, power)
     found += falling("symplectic_euler", DURING, 1.0) + falling("velocity_verlet", AFTER, 2.0)
     found += falling("onset_verlet", AFTER, 4.0) + falling("forest_ruth", AFTER, 2.0)
-    for knob, power, rate in (("patches", 1.5, 1e-4), ("discs of a clump", 0.75, 1e-2)):
-        found += [Trial(knob, f"{n}", n, "shape error", 0, n**-power, rate * n, rate * n) for n in (12, 30, 60)]
+    for parameter, power, rate in (("patches", 1.5, 1e-4), ("discs of a clump", 0.75, 1e-2)):
+        found += [Trial(parameter, f"{n}", n, "shape error", 0, n**-power, rate * n, rate * n) for n in (12, 30, 60)]
     return found
 
 
@@ -53,13 +53,15 @@ def test_curves_know_their_orders_and_what_ten_times_less_costs(trials):
 
 
 def test_the_headline_is_taken_at_equal_error(trials):
-    figures = accuracy_cost.analyse(trials)
+    metrics = accuracy_cost.analyse(trials)
     for name in ("order_explicit_euler", "order_symplectic_euler", "order_verlet", "order_onset_verlet"):
-        assert figures[name].holds, name
-    assert figures["cost_ratio_seed_scheme"].value == pytest.approx(48.0)  # 48^2 steps against 48
+        assert metrics[name].holds, name
+    assert metrics["cost_ratio_seed_scheme"].value == pytest.approx(48.0)  # 48^2 steps against 48
     needed = 30.0**2  # discs for the error of 30 patches
-    assert figures["cost_ratio_clumps"].value == pytest.approx(1e-2 * needed / (1e-4 * 30))
-    worse = [t for t in trials if t.quantity != AFTER or t.knob != "onset_verlet"] + falling("onset_verlet", AFTER, 2.0)
+    assert metrics["cost_ratio_clumps"].value == pytest.approx(1e-2 * needed / (1e-4 * 30))
+    worse = [t for t in trials if t.quantity != AFTER or t.parameter != "onset_verlet"] + falling(
+        "onset_verlet", AFTER, 2.0
+    )
     assert not accuracy_cost.analyse(worse)["order_onset_verlet"].holds
 
 
@@ -78,10 +80,10 @@ def test_a_skin_that_misses_a_pair_does_not_pass(trials):
 def test_file_and_figures_hold_every_trial(trials, tmp_path):
     params = accuracy_cost.Params()
     table = write_trials(tmp_path / "accuracy.nc", trials, attributes_of(params, np.nan, "Accuracy", "Trials."))
-    assert dict(table.sizes) == {"quantity": 4, "knob": 7, "setting": 4, "replica": 2}
-    knob = table.knob_name.values.tolist().index("velocity_verlet")
+    assert dict(table.sizes) == {"quantity": 4, "parameter": 7, "setting": 4, "replica": 2}
+    parameter = table.parameter_name.values.tolist().index("velocity_verlet")
     quantity = table.quantity_name.values.tolist().index(DRIFT)
-    errors = table.error.values[quantity, knob]
+    errors = table.error.values[quantity, parameter]
     assert np.allclose(errors[:, 0], np.array([12.0, 24.0, 48.0, 96.0]) ** -2) and table.error.units == "1"
     assert np.isfinite(table.error.values).sum() == len(trials)
     assert table.run_status == "complete" and table.cost.units == "s"

@@ -64,7 +64,7 @@ def test_every_run_is_in_the_table(compared):
     assert set(table.status.values) == {"complete"} and table.run_status == "complete"
     assert set(table.coords) == {"shape", "seed"}
     for i, path in enumerate(table.path.values):
-        of_run = json.loads((out / path / "summary.json").read_text())["figures"]
+        of_run = json.loads((out / path / "summary.json").read_text())["metrics"]
         for name in ("friction_mean", "friction_se", "friction_ess", "energy_residual", "porosity"):
             assert float(table[name][i]) == pytest.approx(of_run[name]["value"], rel=1e-12)
     assert len({r["label"] for r in reports}) == 4
@@ -88,18 +88,18 @@ def test_files_are_there_and_every_variable_is_described(compared):
 
 def test_the_replica_is_the_unit_of_the_errors(compared):
     out, table, _ = compared
-    figures = json.loads((out / "summary.json").read_text())["figures"]
+    metrics = json.loads((out / "summary.json").read_text())["metrics"]
     mean, error = {}, {}
     for shape in ("sphere", "angular"):
         own = table.friction_mean.values[table["shape"].values == shape]
         mean[shape], error[shape] = own.mean(), own.std(ddof=1) / np.sqrt(2)
-        assert figures[f"friction_{shape}_mean"]["value"] == pytest.approx(mean[shape])
-        assert figures[f"friction_{shape}_se"]["value"] == pytest.approx(error[shape])
-    assert figures["friction_difference"]["value"] == pytest.approx(mean["angular"] - mean["sphere"])
-    assert figures["friction_difference_se"]["value"] == pytest.approx(np.hypot(*error.values()))
-    assert figures["energy_residual_max"]["value"] == pytest.approx(float(table.energy_residual.max()))
-    assert figures["energy_residual_max"]["holds"] is True
-    assert figures["seconds"]["value"] > 0
+        assert metrics[f"friction_{shape}_mean"]["value"] == pytest.approx(mean[shape])
+        assert metrics[f"friction_{shape}_se"]["value"] == pytest.approx(error[shape])
+    assert metrics["friction_difference"]["value"] == pytest.approx(mean["angular"] - mean["sphere"])
+    assert metrics["friction_difference_se"]["value"] == pytest.approx(np.hypot(*error.values()))
+    assert metrics["energy_residual_max"]["value"] == pytest.approx(float(table.energy_residual.max()))
+    assert metrics["energy_residual_max"]["holds"] is True
+    assert metrics["seconds"]["value"] > 0
     assert set(compare_shapes.WORST.values()) <= set(shear_gouge.BOUNDS)
 
 
@@ -127,8 +127,8 @@ def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivo
     assert [f"{s}-{n}" for s, n in zip(left["shape"].values[complete], left.seed.values[complete])] == list(survivors)
     assert np.array_equal(np.isfinite(left.friction_mean.values), complete)
     assert np.array_equal(left.friction_mean.values[complete], table.friction_mean.values[complete])
-    figures = json.loads((tmp_path / "summary.json").read_text())["figures"]
-    assert (figures["friction_difference"]["value"] is not None) == (len(survivors) == 2)
+    metrics = json.loads((tmp_path / "summary.json").read_text())["metrics"]
+    assert (metrics["friction_difference"]["value"] is not None) == (len(survivors) == 2)
     assert (tmp_path / "friction.png").exists()
 
 

@@ -37,17 +37,17 @@ def test_there_are_many_cases_with_names_of_their_own_and_every_file_is_tested()
 
 
 def test_cases_are_counted_once_and_one_failure_fails_a_case():
-    figures = hard_cases.analyse(ROWS)
-    assert {name: figures[name].value for name in ("cases", "passed", "failed", "excepted")} == {
+    metrics = hard_cases.analyse(ROWS)
+    assert {name: metrics[name].value for name in ("cases", "passed", "failed", "excepted")} == {
         "cases": 2,
         "passed": 2,
         "failed": 0,
         "excepted": 1,
     }
-    assert figures["failed"].holds and figures["least_margin"].value == pytest.approx(2.0 / 1.5)
+    assert metrics["failed"].holds and metrics["least_margin"].value == pytest.approx(2.0 / 1.5)
     worse = [*ROWS[:1], row("good", "f32", 3.0, "failed"), *ROWS[2:]]
-    figures = hard_cases.analyse(worse)
-    assert figures["failed"].value == 1 and figures["passed"].value == 1 and not figures["failed"].holds
+    metrics = hard_cases.analyse(worse)
+    assert metrics["failed"].value == 1 and metrics["passed"].value == 1 and not metrics["failed"].holds
 
 
 def test_the_table_has_a_row_for_each_case_with_its_margins():

@@ -59,12 +59,12 @@ def test_contradictions_are_reported_together():
 def test_equal_sizes_are_allowed():
     params = shear_gouge.Params(smallest_diameter=1e-4, largest_diameter=1e-4, layer_thickness=8, length=10)
     scene = shear_gouge.build(params)
-    assert np.allclose(scene.scale[scene.platen < 0], 1e-4)
+    assert np.allclose(scene.diameter[scene.platen_index < 0], 1e-4)
 
 
 def test_grains_sets_their_number_and_the_seed_the_packing():
     one, same, other = (shear_gouge.build(shear_gouge.Params(grains=50, length=10, seed=seed)) for seed in (1, 1, 2))
-    assert np.sum(one.platen < 0) == 50
+    assert np.sum(one.platen_index < 0) == 50
     assert np.array_equal(one.position, same.position)
     assert not np.array_equal(one.position[:50], other.position[:50])
 
@@ -74,14 +74,14 @@ def test_a_layer_is_sheared_at_its_normal_stress(sheared, shape):
     _, params, dataset = sheared(shape)
     assert dataset.run_status == "complete"
     assert params.strain <= float(dataset.shear_strain[-1]) < params.strain + 0.1
-    figures = shear_gouge.analyse(dataset, params)
-    assert figures["energy_residual"].value < 0.01
-    assert abs(figures["normal_stress_error"].value) < 0.05
-    assert figures["inertial_number"].value == pytest.approx(params.inertial_number, rel=0.1)
-    assert 0.05 < figures["friction_mean"].value < 1.0
-    assert 0.0 < figures["porosity"].value < 0.4
-    assert 1.0 < figures["coordination_number"].value < 6.0
-    assert set(shear_gouge.BOUNDS) <= set(figures)
+    metrics = shear_gouge.analyse(dataset, params)
+    assert metrics["energy_residual"].value < 0.01
+    assert abs(metrics["normal_stress_error"].value) < 0.05
+    assert metrics["inertial_number"].value == pytest.approx(params.inertial_number, rel=0.1)
+    assert 0.05 < metrics["friction_mean"].value < 1.0
+    assert 0.0 < metrics["porosity"].value < 0.4
+    assert 1.0 < metrics["coordination_number"].value < 6.0
+    assert set(shear_gouge.BOUNDS) <= set(metrics)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -138,14 +138,14 @@ def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_ra
 def test_breakable_grains_are_bonded_pieces_of_their_area():
     params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, layer_thickness=8, length=10)
     scene = shear_gouge.build(params)
-    mobile = scene.platen < 0
+    mobile = scene.platen_index < 0
     assert mobile.sum() == 8 * 30 and scene.bonds.max() < 8 * 30
     assert (scene.bonds[:, 0] // 8 == scene.bonds[:, 1] // 8).all()
     assert len(np.unique(scene.bonds // 8)) == 30
-    area = (scene.scale[mobile].reshape(30, 8) ** 2).sum(axis=1)
+    area = (scene.diameter[mobile].reshape(30, 8) ** 2).sum(axis=1)
     assert (area >= params.smallest_diameter**2).all() and (area <= params.largest_diameter**2).all()
     apart = np.linalg.norm(np.subtract(*scene.position[scene.bonds.T]), axis=1)
-    assert (apart < 0.75 * scene.scale[scene.bonds].sum(axis=1)).all()  # as tiles lie that share a side
+    assert (apart < 0.75 * scene.diameter[scene.bonds].sum(axis=1)).all()  # as tiles lie that share a side
 
 
 @pytest.mark.validate

@@ -24,8 +24,8 @@ def test_the_true_error_is_within_the_promised_one(shape, tmp_path):
     jobs = [(f"long-{s}", shear_gouge.__name__, params, tmp_path / f"long-{s}") for s, params in long.items()]
     found = []
     for folder, params in zip(run_replicas(jobs, 2), long.values(), strict=True):
-        figures = shear_gouge.analyse(lsm.open_run(folder / "run.nc"), params)
-        found.append((figures["friction_mean"].value, figures["friction_se"].value))
+        metrics = shear_gouge.analyse(lsm.open_run(folder / "run.nc"), params)
+        found.append((metrics["friction_mean"].value, metrics["friction_se"].value))
     truth = lsm.combine_replicas(*np.array(found).T)
     print(f"{shape}: reference {truth.mean:.4f} +- {truth.standard_error:.4f}, target {TARGET[shape]:g}")
     assert truth.standard_error < 0.3 * TARGET[shape]
@@ -35,8 +35,8 @@ def test_the_true_error_is_within_the_promised_one(shape, tmp_path):
         out = tmp_path / f"trial-{trial}"
         params = shear_gouge.Params(**LAYER, shape=shape, seed=100 * (trial + 1), target_error=TARGET[shape])
         shear_gouge.run(params, out)
-        figures = json.loads((out / "summary.json").read_text(encoding="utf-8"))["figures"]
-        values = {name: figures[name]["value"] for name in ("friction_mean", "friction_error", "seeds", "strain")}
+        metrics = json.loads((out / "summary.json").read_text(encoding="utf-8"))["metrics"]
+        values = {name: metrics[name]["value"] for name in ("friction_mean", "friction_error", "seeds", "strain")}
         error = abs(values["friction_mean"] - truth.mean)
         kept, reached = kept + (error <= TARGET[shape]), reached + (error <= values["friction_error"])
         plan = f"{values['seeds']} runs to strain {values['strain']:g}"

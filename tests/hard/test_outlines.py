@@ -17,7 +17,7 @@ def test_a_hard_case_respects_its_bound(bench, name):
 
 def test_a_seam_that_jumps_costs_energy(bench):
     """Patches that do not join: the measure sees it."""
-    scene = impact(lsm.random_angular_shapes(2, 1), (0.3, 2.0), height=0.7, spin=(15.0, 12.0))
+    scene = impact(lsm.random_angular_shapes(2, 1), (0.3, 2.0), height=0.7, angular_velocity=(15.0, 12.0))
     smooth = error_of_impact(bench, scene)
     for shape in scene.shapes:
         centre = shape.parts[0].centre.copy()

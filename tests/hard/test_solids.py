@@ -23,8 +23,11 @@ def test_features_that_do_not_join_cost_energy(bench):
     turns /= np.linalg.norm(turns, axis=2)[..., None]
 
     def errors():
-        spin = np.full((2, 3), 20.0)
-        return [error_of_impact(bench, impact(shapes, q, offset=(0.2, 0.1), spin=spin), 200_000) for q in turns]
+        angular_velocity = np.full((2, 3), 20.0)
+        return [
+            error_of_impact(bench, impact(shapes, q, offset=(0.2, 0.1), angular_velocity=angular_velocity), 200_000)
+            for q in turns
+        ]
 
     smooth = max(errors())
     for shape in shapes:

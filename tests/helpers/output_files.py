@@ -42,10 +42,10 @@ def run_row(i):
 def grains(dim, count=5):
     """Constants and one snapshot of grains of two shapes, with one and three patches."""
     rng = np.random.default_rng(dim)
-    spin = (count,) if dim == 2 else (count, dim)
+    angular_velocity = (count,) if dim == 2 else (count, dim)
     static = {
         "mass": rng.random(count),
-        "inertia": rng.random(spin),
+        "inertia": rng.random(angular_velocity),
         "bounding_radius": rng.random(count),
         "kind": np.array([0, 0, 1, 0, 1]),
         "shape_index": [0, 1, 1, 0, 1],
@@ -59,7 +59,7 @@ def grains(dim, count=5):
     snapshot = {
         "position": rng.random((count, dim)),
         "velocity": rng.random((count, dim)),
-        "angular_velocity": rng.random(spin),
+        "angular_velocity": rng.random(angular_velocity),
         "orientation": rng.random((count, 4)),
     }
     return static, snapshot

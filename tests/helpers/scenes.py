@@ -32,7 +32,7 @@ def reload(sim, dt=None, strain=0.0, **columns):
     for name, values in columns.items():
         getattr(sim.state, name).from_numpy(values)
     sim.pairs.row_start.fill(0)
-    if sim.forces.ledger:
+    if sim.forces.track_dissipation:
         sim.grains.dissipated.fill(0.0)
     if sim.platens:
         for name in ("displacement", "velocity", "force", "force_sum", "force_square_sum", "work", "dissipated"):
@@ -47,8 +47,8 @@ def reload(sim, dt=None, strain=0.0, **columns):
     if dt is not None:
         set_dt(sim, dt)
     sim.step = 0
-    sim.faults.clear()
-    sim.sentinel.begin()
+    sim.error_flags.clear()
+    sim.monitor.begin()
     sim._rebuild()
     sim._begin()
 
@@ -59,7 +59,7 @@ def set_dt(sim, dt):
     sim.integrator.dt[None] = dt
 
 
-def law(sim, name):
+def effect(sim, name):
     """The compiled law of this name: its parameters are in fields."""
     return next(e for e in sim.effects if e.name == name)
 
@@ -80,7 +80,7 @@ def frictional(stiffness=STIFFNESS):
     ]
 
 
-def gallery_scene(name):
+def reference_packing_scene(name):
     """elastic_discs, elastic_arcs, frictional_discs, frictional_arcs: 48 grains packed in a periodic square."""
     kind, body = name.split("_")
     effects = [lsm.LinearElastic(STIFFNESS)] if kind == "elastic" else frictional()
@@ -98,8 +98,8 @@ def packing(body, count=48, seed=1):
     loose = {
         "position": (lattice + 0.5 + rng.uniform(-0.05, 0.05, (count, 2))) * (side / rows),
         "shapes": shapes,
-        "shape": np.arange(count) % len(shapes),
-        "scale": scale,
+        "shape_index": np.arange(count) % len(shapes),
+        "diameter": scale,
         "angle": rng.uniform(0, 2 * np.pi, count),
         "lengths": (side, side),
         "periodic": (True, True),
@@ -121,14 +121,14 @@ def grown_elsewhere(body, count, seed):
 
 def grown(arguments, stages=60, steps=200):
     """position (n, 2) [m] and angle (n,) [rad] after the grains have grown from 0.6 of their size, without friction."""
-    scale = arguments["scale"]
-    sim = simulate(scene(effects=frictional(), **arguments | {"scale": 0.6 * scale}))
-    law(sim, "coulomb_friction").mu_[0] = 0.0
-    law(sim, "viscous_damping").c_[0] = 1.5
-    names = [name for name in ("radius", "scale", "cap_radius") if sim.grains.has(name)]
+    scale = arguments["diameter"]
+    sim = simulate(scene(effects=frictional(), **arguments | {"diameter": 0.6 * scale}))
+    effect(sim, "coulomb_friction").mu_[0] = 0.0
+    effect(sim, "viscous_damping").c_[0] = 1.5
+    names = [name for name in ("radius", "diameter", "overlap_limit") if sim.grains.has(name)]
     small = {name: getattr(sim.state, name).to_numpy() for name in names}
     sim.search.grid.set_width(2.0 * small["radius"].max() / 0.6 + sim.skin)
-    rest = {"velocity": np.zeros((len(scale), 2)), "spin": np.zeros((len(scale), 1))}
+    rest = {"velocity": np.zeros((len(scale), 2)), "angular_velocity": np.zeros((len(scale), 1))}
     for growth in np.append(np.linspace(1.0, 1.0 / 0.6, stages), np.full(40, 1.0 / 0.6)):
         reload(sim, **{name: growth * value for name, value in small.items()}, **rest)
         sim.run(steps)

@@ -17,10 +17,10 @@ class Sliders:
     velocity of the surface or the load point, dt [s]; history as the law lays it out.
     """
 
-    def __init__(self, law, count, normal_force=1.0, dim=2, mass=1.0):
-        self.law, self.dim, self.count = law.bound(), dim, count
-        self.contact_type = contact_type(dim, [law])
-        self.size, self.normal_force, self.mass = law.history_size(dim), normal_force, mass
+    def __init__(self, effect, count, normal_force=1.0, dim=2, mass=1.0):
+        self.effect, self.dim, self.count = effect.bound(), dim, count
+        self.contact_type = contact_type(dim, [effect])
+        self.size, self.normal_force, self.mass = effect.history_size(dim), normal_force, mass
         for name in NUMBERS:
             setattr(self, name, ti.field(ti.f64, count))
         self.history = ti.Vector.field(self.size, ti.f64, count)
@@ -40,7 +40,7 @@ class Sliders:
         contact.slip[0] = v
         contact.dt, contact.normal_force = self.dt[c], self.normal_force
         memory = ti.Vector([self.history[c][i] for i in range(self.size)])
-        self.lost[c] = self.lost[c] + self.law.on_contact(contact, memory)
+        self.lost[c] = self.lost[c] + self.effect.on_contact(contact, memory)
         for i in ti.static(range(self.size)):
             self.history[c][i] = memory[i]
         force = -contact.tangential_force[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.contact.pair_storage import KICKED
+from taichi_lsm.contact.pair_storage import HAS_IMPULSE
 from tests.helpers import scenes
 
 STEPS = 400
@@ -25,7 +25,7 @@ def layer():
         scenes.frictional(),
         lengths=(8.0, np.inf),
         periodic=(True, False),
-        platen=glued,
+        platen_index=glued,
         platens=[
             lsm.Platen("bottom", [lsm.SpringLoadPoint(-0.5, 1e5, 1e4), lsm.Fixed()]),
             lsm.Platen("top", [lsm.ConstantVelocity(0.5), servo]),
@@ -35,10 +35,10 @@ def layer():
 
 
 def moving(name):
-    scene = scenes.gallery_scene(name)
+    scene = scenes.reference_packing_scene(name)
     rng = np.random.default_rng(1)
     scene.velocity[:] = 0.3 * rng.normal(size=scene.velocity.shape)
-    scene.spin[:] = 0.3 * rng.normal(size=scene.spin.shape)
+    scene.angular_velocity[:] = 0.3 * rng.normal(size=scene.angular_velocity.shape)
     return scene
 
 
@@ -60,8 +60,8 @@ def digest(sim):
     for row in sim.pairs.variables:
         if row.restart and row.name != "partner":
             values = getattr(sim.pairs, row.name).to_numpy()[slots]
-            if row.name in ("pair_kick", "pair_twist"):  # read only where the status says so
-                values[(sim.pairs.status.to_numpy()[slots] & KICKED) == 0] = 0.0
+            if row.name in ("pair_impulse", "pair_angular_impulse"):  # read only where the status says so
+                values[(sim.pairs.status.to_numpy()[slots] & HAS_IMPULSE) == 0] = 0.0
             result.update(values.tobytes())
     if sim.platens:
         for values in sim.platens.snapshot().values():

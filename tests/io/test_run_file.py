@@ -198,7 +198,7 @@ WRITE_FOREVER = """
 import sys
 sys.path.insert(0, {root!r})
 from pathlib import Path
-from tests.output_files import run_row, run_writer
+from tests.helpers.output_files import run_row, run_writer
 writer = run_writer(Path(sys.argv[1]))
 i = 0
 while True:

@@ -8,8 +8,8 @@ import pytest
 import taichi_lsm as lsm
 
 
-def test_profile_divides_the_time_of_a_run(gallery):
-    sim = gallery("frictional_discs")
+def test_profile_divides_the_time_of_a_run(reference_packing):
+    sim = reference_packing("frictional_discs")
     sim.load(sim.scene)
     sim.measure.sums()  # compiles
     sim.seconds.clear()
@@ -25,16 +25,16 @@ def test_profile_divides_the_time_of_a_run(gallery):
     assert f"{len(sim)} grains, 300 steps" in text and text.count("\n") == len(rows) + 1
 
 
-def test_profile_leaves_the_motion_as_it_is(gallery):
+def test_profile_leaves_the_motion_as_it_is(reference_packing):
     """Its stages have a step of zero: positions, velocities and springs keep their bits."""
-    sim = gallery("frictional_discs")
+    sim = reference_packing("frictional_discs")
     rest = sim.scene
     velocity = np.random.default_rng(4).standard_normal(rest.position.shape) * 5e-4 / sim.dt
     sim.load(replace(rest, velocity=velocity))
-    while sim.step < 2000 and not sim.state.kicked.to_numpy().any():
+    while sim.step < 2000 and not sim.state.has_impulse.to_numpy().any():
         sim.run(1)  # to a step in which a contact begins or ends
-    assert sim.state.kicked.to_numpy().any()
-    names = ("position", "velocity", "spin", "force", "torque", "dissipated")
+    assert sim.state.has_impulse.to_numpy().any()
+    names = ("position", "velocity", "angular_velocity", "force", "torque", "dissipated")
     before = {name: getattr(sim.state, name).to_numpy() for name in names}
     history = sim.pairs.history.to_numpy()
     lsm.profile(sim)
@@ -44,17 +44,17 @@ def test_profile_leaves_the_motion_as_it_is(gallery):
     assert sim.integrator.dt[None] == sim.dt
 
 
-def test_profile_without_a_step_is_refused(gallery):
-    sim = gallery("frictional_discs")
+def test_profile_without_a_step_is_refused(reference_packing):
+    sim = reference_packing("frictional_discs")
     sim.load(sim.scene)
     with pytest.raises(ValueError, match="no step"):
         lsm.profile(sim)
 
 
 @pytest.mark.parametrize("name", ["frictional_discs", "elastic_arcs"])
-def test_a_thread_per_grain_gives_the_same_bits(gallery, name):
+def test_a_thread_per_grain_gives_the_same_bits(reference_packing, name):
     """What a GPU runs: a launch for each stage and a thread for each grain."""
-    sim = gallery(name)
+    sim = reference_packing(name)
     columns = []
     for offloaded in (False, True):
         sim.load(sim.scene)

@@ -28,13 +28,13 @@ def consolidated(runtime):
             position,
             [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.3), lsm.CoulombFriction(0.5, 0.5 * K)],
             shapes=[lsm.disc(), *lsm.random_angular_shapes(8, 6)],
-            shape=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
-            scale=scale,
+            shape_index=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
+            diameter=scale,
             angle=rng.uniform(0, 6, len(position)),
             velocity=0.5 * rng.standard_normal(position.shape) * mobile[:, None],
             lengths=(area, np.inf),
             periodic=(True, False),
-            platen=platen,
+            platen_index=platen,
             platens=[
                 lsm.Platen("bottom", [lsm.Fixed(), lsm.Fixed()]),
                 lsm.Platen("top", [lsm.ConstantVelocity(0.0), servo]),
@@ -86,11 +86,11 @@ def test_stress_is_the_mean_over_planes_of_the_forces_that_cross_them(consolidat
 def test_porosity_thickness_and_coordination_are_those_counted_by_hand(consolidated):
     sim, layer, row = consolidated
     scene = sim.scene
-    mobile = scene.platen < 0
+    mobile = scene.platen_index < 0
     place = sim.state.position.to_numpy()
-    inner = [place[scene.platen == p, 1].mean() + side * 0.475 for p, side in ((0, 1), (1, -1))]
+    inner = [place[scene.platen_index == p, 1].mean() + side * 0.475 for p, side in ((0, 1), (1, -1))]
     assert row["layer_thickness"] == pytest.approx(inner[1] - inner[0], rel=1e-12)
-    solid = np.pi / 4 * (scene.scale[mobile] ** 2).sum()  # shapes have the area of a disc of diameter 1
+    solid = np.pi / 4 * (scene.diameter[mobile] ** 2).sum()  # shapes have the area of a disc of diameter 1
     assert row["porosity"] == pytest.approx(1 - solid / ((inner[1] - inner[0]) * COLUMNS), rel=1e-9)
     assert 0.05 < row["porosity"] < 0.4
     ends = contacts = 0
@@ -109,7 +109,9 @@ def touching_outlines(sim, place):
     angle = np.arctan2(turn[:, 1], turn[:, 0])
     grid = 2 * np.pi / 4096 * np.arange(4096)
     n = np.stack([np.cos(grid), np.sin(grid)], axis=1)
-    h = np.array([scene.scale[k] * support(scene.shapes[scene.shape[k]], grid - angle[k]) for k in range(len(place))])
+    h = np.array(
+        [scene.diameter[k] * support(scene.shapes[scene.shape_index[k]], grid - angle[k]) for k in range(len(place))]
+    )
     opposite = np.roll(h, -2048, axis=1)  # h(-n)
     for a in range(len(place)):
         for b in range(a + 1, len(place)):
@@ -168,6 +170,6 @@ def test_platens_that_meet_stop_the_run(consolidated):
         layer.plane[1] += 100.0
 
 
-def test_stress_over_everything_is_a_number(gallery):
-    sums = gallery("frictional_discs").measure.sums()
+def test_stress_over_everything_is_a_number(reference_packing):
+    sums = reference_packing("frictional_discs").measure.sums()
     assert np.isfinite(sums["stress"]).all() and sums["stress"][1, 1] > 0

@@ -31,7 +31,7 @@ class Material:
     friction: float = 0.0
     restitution: float = 1.0
 
-    def laws(self):
+    def effects(self):
         return [
             lsm.Hertz(self.modulus, self.ratio),
             lsm.ViscousDamping(restitution=self.restitution),
@@ -45,7 +45,7 @@ class Impacts:
 
     radius: tuple
     velocity: tuple = ((0.0, 0.0), (0.0, 0.0))
-    spin: tuple = (0.0, 0.0)
+    angular_velocity: tuple = (0.0, 0.0)
 
     def columns(self, values, *shape):
         """(PAIRS, 2, *shape); impacts that a test does not use repeat its last."""
@@ -54,7 +54,7 @@ class Impacts:
 
     @property
     def count(self):
-        sizes = [len(v) for v in self.velocity if np.ndim(v) == 2] + [np.size(w) for w in self.spin]
+        sizes = [len(v) for v in self.velocity if np.ndim(v) == 2] + [np.size(w) for w in self.angular_velocity]
         return max(1, *sizes)
 
 
@@ -68,7 +68,7 @@ class Outcome:
     """Per impact: velocities (n, 2, 2), spins (n, 2), peak overlap [m] and force [N], duration [s], mass [kg]."""
 
     velocity: np.ndarray
-    spin: np.ndarray
+    angular_velocity: np.ndarray
     overlap: np.ndarray
     force: np.ndarray
     duration: np.ndarray
@@ -93,14 +93,14 @@ def collide(material, impacts):
     x[:, :, 1] = 3.0 * radius.max() * np.arange(PAIRS)[:, None]
     x[:, 0, 0] = -radius[:, 0] - gap
     x[:, 1, 0] = radius[:, 1]
-    v[:, :, :2], omega[:, :, 2] = velocity, impacts.columns(impacts.spin)
+    v[:, :, :2], omega[:, :, 2] = velocity, impacts.columns(impacts.angular_velocity)
     scene = scenes.scene(
         x.reshape(-1, 3),
-        material.laws(),
-        scale=2 * radius.ravel(),
+        material.effects(),
+        diameter=2 * radius.ravel(),
         density=material.density,
         velocity=v.reshape(-1, 3),
-        spin=omega.reshape(-1, 3),
+        angular_velocity=omega.reshape(-1, 3),
         skin=0.5 * radius.min(),
         dt=duration.min() / STEPS,
     )
@@ -123,7 +123,7 @@ def collide(material, impacts):
     kept = slice(impacts.count)
     return Outcome(
         v[kept, :, :2],
-        sim.state.spin.to_numpy().reshape(-1, 2, 3)[kept, :, 2],
+        sim.state.angular_velocity.to_numpy().reshape(-1, 2, 3)[kept, :, 2],
         overlap[kept],
         force[kept],
         (sim.step * sim.dt - gap / closing - apart / parting)[kept],
@@ -178,7 +178,7 @@ def test_4_oblique_impact_at_one_speed():
     out = collide(ALUMINA, Impacts((radius, wall(radius)), (v, (0.0, 0.0))))
     assert -out.velocity[:, 0, 0] / v[:, 0] == pytest.approx(e, rel=0.01)
     assert out.velocity[:, 0, 1] / v[:, 1] == pytest.approx(1 - mu * (1 + e) / np.tan(angle), rel=0.02)
-    assert np.abs(out.spin[:, 0]) == pytest.approx(2.5 * mu * (1 + e) * v[:, 0] / radius, rel=0.02)
+    assert np.abs(out.angular_velocity[:, 0]) == pytest.approx(2.5 * mu * (1 + e) * v[:, 0] / radius, rel=0.02)
 
 
 def foundation(material, radius, v_n, v_t, springs=400, steps=4000):
@@ -213,7 +213,7 @@ def test_5_oblique_impact_at_one_normal_velocity():
     x = np.array([0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 9.0, 11.0, 14.0, 20.0])
     v = np.stack([np.full(len(x), v_n), mu * v_n * x], axis=1)
     out = collide(STEEL, Impacts((radius, wall(radius)), (v, (0.0, 0.0))))
-    y = (out.velocity[:, 0, 1] + radius * out.spin[:, 0]) / (mu * v_n)
+    y = (out.velocity[:, 0, 1] + radius * out.angular_velocity[:, 0]) / (mu * v_n)
     slides = x > 8
     assert y[slides] == pytest.approx(x[slides] - 7, rel=0.02)
     exact = foundation(STEEL, radius, v_n, v[:, 1]) / (mu * v_n)
@@ -229,7 +229,7 @@ def test_6_spinning_sphere_on_a_wall():
     radius, v_n = 0.1, 0.2
     omega = np.array([8.0, 10.0, 15.0, 24.0])
     out = collide(ALLOY, Impacts((radius, wall(radius)), ((v_n, 0.0), (0.0, 0.0)), (omega, 0.0)))
-    after = out.velocity[:, 0, 1] + radius * out.spin[:, 0]
+    after = out.velocity[:, 0, 1] + radius * out.angular_velocity[:, 0]
     assert -after / (radius * omega) == pytest.approx(surface_speed_ratio(radius * omega, v_n), rel=0.02)
     assert np.abs(out.velocity[:, 0, 1]) == pytest.approx(ALLOY.friction * 1.5 * v_n, rel=0.02)
 
@@ -238,7 +238,9 @@ def test_7_two_spheres_of_opposite_spins_roll_on_each_other():
     omega = np.array([1.0, 10.0, 30.0])
     out = collide(ALLOY, Impacts((0.1, 0.1), ((0.2, 0.0), (-0.2, 0.0)), (omega, -omega)))
     assert np.abs(out.velocity[:, :, 1]).max() < 1e-9
-    assert out.spin[:, 0] == pytest.approx(omega, rel=1e-9) and out.spin[:, 1] == pytest.approx(-omega, rel=1e-9)
+    assert out.angular_velocity[:, 0] == pytest.approx(omega, rel=1e-9) and out.angular_velocity[:, 1] == pytest.approx(
+        -omega, rel=1e-9
+    )
     assert out.velocity[:, 0, 0] == pytest.approx(-0.5 * 0.2, rel=0.01)
 
 
@@ -248,7 +250,7 @@ def test_8_unequal_spheres(other):
     radius, v_n = 0.1, 0.2
     omega = np.array([8.0, 10.0, 15.0, 24.0])
     out = collide(ALLOY, Impacts((radius, other), ((v_n, 0.0), (0.0, 0.0)), (omega, 0.0)))
-    first = out.velocity[:, 0, 1] + radius * out.spin[:, 0]
-    after = first - (out.velocity[:, 1, 1] - other * out.spin[:, 1])
+    first = out.velocity[:, 0, 1] + radius * out.angular_velocity[:, 0]
+    after = first - (out.velocity[:, 1, 1] - other * out.angular_velocity[:, 1])
     assert -after / (radius * omega) == pytest.approx(surface_speed_ratio(radius * omega, v_n), rel=0.02)
     assert (out.mass * out.velocity[:, :, 1]).sum(axis=1) == pytest.approx(0, abs=1e-9)

@@ -19,7 +19,7 @@ def thermal(sim, seed, temperature=1e-4):
     velocity -= (mass[:, None] * velocity).sum(axis=0) / mass.sum()
     columns = {"position": arguments.position, "velocity": velocity}
     if sim.rotates:
-        columns["spin"] = 2 * speed * rng.standard_normal((n, 1))
+        columns["angular_velocity"] = 2 * speed * rng.standard_normal((n, 1))
     if sim.grains.has("orientation"):
         columns["orientation"] = np.stack([np.cos(arguments.angle), np.sin(arguments.angle)], axis=1)
     return columns
@@ -37,8 +37,8 @@ def drift(sim, columns, dt, duration, samples):
 
 
 @pytest.mark.parametrize("name", ["elastic_discs", "elastic_arcs"])
-def test_energy_drift_falls_as_the_square_of_the_step(gallery, name):
-    sim = gallery(name)
+def test_energy_drift_falls_as_the_square_of_the_step(reference_packing, name):
+    sim = reference_packing(name)
     contact_time = np.pi * np.sqrt(sim.scene.masses()[0].mean() / (2 * scenes.STIFFNESS))
     samples, duration = 20, 20 * contact_time
     per_contact = np.array([50, 80, 130, 220, 400])
@@ -56,7 +56,7 @@ def test_energy_drift_falls_as_the_square_of_the_step(gallery, name):
 def momenta(sim):
     """(linear momentum over sum m|v|, angular momentum, its scale), of velocities half a step before positions."""
     mass, inertia = sim.scene.masses()
-    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "spin"))
+    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "angular_velocity"))
     orbital = np.cross(x, v) if x.shape[1] == 3 else (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])[:, None]
     angular = mass[:, None] * orbital + inertia * omega
     linear = (mass[:, None] * v).sum(axis=0)
@@ -69,16 +69,16 @@ def falling_together(dim, speed=2.0, count=40):
     side = int(np.ceil(count ** (1 / dim)))
     lattice = np.stack(np.unravel_index(np.arange(count), (side,) * dim), axis=1)
     position = 1.25 * (lattice - 0.5 * side) + rng.uniform(-0.05, 0.05, (count, dim))
-    spins = 1 if dim == 2 else 3
+    angular_velocities = 1 if dim == 2 else 3
     return scenes.scene(
         position,
         scenes.frictional(1e7),
         shapes=lsm.random_angular_shapes(5, 2) if dim == 2 else None,
-        shape=np.arange(count) % 5 if dim == 2 else 0,
-        scale=rng.uniform(0.8, 1.1, count),
+        shape_index=np.arange(count) % 5 if dim == 2 else 0,
+        diameter=rng.uniform(0.8, 1.1, count),
         angle=rng.uniform(0, 6, count) if dim == 2 else None,
         velocity=-speed * position + 0.3 * rng.standard_normal((count, dim)),
-        spin=2 * rng.standard_normal((count, spins)),
+        angular_velocity=2 * rng.standard_normal((count, angular_velocities)),
     )
 
 
@@ -111,9 +111,9 @@ def collapse(runtime):
             position,
             [*scenes.frictional(1e7), lsm.Gravity((0.0, -10.0))],
             shapes=[lsm.disc(), *lsm.random_angular_shapes(6, 9)],
-            shape=np.where(glued, 0, 1 + np.arange(n) % 6),
+            shape_index=np.where(glued, 0, 1 + np.arange(n) % 6),
             angle=rng.uniform(0, 6, n),
-            platen=np.where(glued, 0, -1),
+            platen_index=np.where(glued, 0, -1),
             platens=[lsm.Platen("floor", [lsm.Fixed()] * 2)],
             area=1.0,
         )
@@ -123,7 +123,7 @@ def collapse(runtime):
 def test_energy_ledger_of_a_collapse_closes(collapse):
     sim, scene = collapse, collapse.scene
     n = len(sim)
-    columns = {"position": scene.position, "velocity": np.zeros((n, 2)), "spin": np.zeros((n, 1))}
+    columns = {"position": scene.position, "velocity": np.zeros((n, 2)), "angular_velocity": np.zeros((n, 1))}
     columns["orientation"] = np.stack([np.cos(scene.angle), np.sin(scene.angle)], axis=1)
     coarse = sim.dt
     residual = []

@@ -16,17 +16,17 @@ def test_energy_is_shared_equally_among_all_ways_to_move(runtime, dim, share):
     lattice = np.stack(np.meshgrid(*[np.arange(per_axis)] * dim), axis=-1).reshape(-1, dim)
     n = len(lattice)
     if dim == 2:
-        shapes, turned = lsm.random_angular_shapes(5, 1), {"angle": rng.uniform(0, 6, n)}
+        shapes, orientations = lsm.random_angular_shapes(5, 1), {"angle": rng.uniform(0, 6, n)}
     else:
         shapes = [lsm.ellipsoid((1.0, 1.3, 1.6), 12, 0.1)]
-        turned = {"orientation": lsm.random_rotations(rng, n, 3)}
+        orientations = {"orientation": lsm.random_rotations(rng, n, 3)}
     velocity = rng.normal(size=(n, dim))
     velocity -= velocity.mean(axis=0)
     scene = scenes.scene(
         (lattice + 0.5) * pitch,
         [lsm.LinearElastic(2000.0)],
         shapes=shapes,
-        shape=np.arange(n) % len(shapes),
+        shape_index=np.arange(n) % len(shapes),
         density=1.0,
         thickness=1.0,
         lengths=(per_axis * pitch,) * dim,
@@ -34,7 +34,7 @@ def test_energy_is_shared_equally_among_all_ways_to_move(runtime, dim, share):
         velocity=velocity,
         dt=2e-3,
         skin=0.3,
-        **turned,
+        **orientations,
     )
     sim = scenes.simulate(scene)
     sim.run(10_000)

@@ -16,8 +16,8 @@ def packed_discs(shapes, shape, count=200):
     return scenes.scene(
         effects=scenes.frictional(),
         velocity=0.3 * rng.standard_normal((count, 2)),
-        spin=0.6 * rng.standard_normal((count, 1)),
-        **arguments | {"shapes": shapes, "shape": shape, "angle": rng.uniform(0, 6, count)},
+        angular_velocity=0.6 * rng.standard_normal((count, 1)),
+        **arguments | {"shapes": shapes, "shape_index": shape, "angle": rng.uniform(0, 6, count)},
     )
 
 
@@ -33,7 +33,7 @@ def test_disc_cut_into_8_or_30_arcs_moves_like_the_disc(runtime):
     there = plain.state.position.to_numpy()
     assert np.abs(there - start).max() > 0.05
     assert np.abs(there - cut.state.position.to_numpy()).max() < 1e-9
-    assert plain.state.spin.to_numpy() == pytest.approx(cut.state.spin.to_numpy(), abs=1e-8)
+    assert plain.state.angular_velocity.to_numpy() == pytest.approx(cut.state.angular_velocity.to_numpy(), abs=1e-8)
     first, second = plain.measure.sums(), cut.measure.sums()
     for name in ("contact_count", "sliding_count"):
         assert first[name] == second[name]
@@ -65,14 +65,14 @@ def layer_in_units(metre, kilogram, second):
             lsm.Gravity((0.0, -2.0 * metre / second**2)),
         ],
         shapes=[lsm.disc(), *lsm.random_angular_shapes(4, 4)],
-        shape=np.where(platen < 0, 1 + np.arange(len(position)) % 4, 0),
-        scale=metre * rng.uniform(0.72, 0.82, len(position)),
+        shape_index=np.where(platen < 0, 1 + np.arange(len(position)) % 4, 0),
+        diameter=metre * rng.uniform(0.72, 0.82, len(position)),
         angle=rng.uniform(0, 6, len(position)),
         velocity=0.3 * rng.standard_normal(position.shape) * (platen < 0)[:, None] * (metre / second),
         density=1000.0 * kilogram / metre**3,
         lengths=(columns * 1.02 * metre, np.inf),
         periodic=(True, False),
-        platen=platen,
+        platen_index=platen,
         platens=[
             lsm.Platen("lower", [lsm.Fixed(), lsm.Fixed()]),
             lsm.Platen("upper", [pull, servo]),
@@ -93,7 +93,12 @@ def test_units_scaled_by_powers_of_two_leave_the_scaled_bits(runtime):
     sums = [sim.measure.sums() for sim in sims]
     assert sums[0]["sliding_count"] > 0
     joule = kilogram * metre**2 / second**2
-    units = {"position": metre, "velocity": metre / second, "spin": 1 / second, "force": kilogram * metre / second**2}
+    units = {
+        "position": metre,
+        "velocity": metre / second,
+        "angular_velocity": 1 / second,
+        "force": kilogram * metre / second**2,
+    }
     units |= {"torque": joule, "dissipated": joule, "orientation": 1.0}
     for name, unit in units.items():
         first, second_ = (getattr(sim.state, name).to_numpy() for sim in sims)

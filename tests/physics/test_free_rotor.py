@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_lsm.core.rotation import free_rotor, momentum_of, spin_of
+from taichi_lsm.core.rotation import angular_velocity_of, free_rotor, momentum_of
 from taichi_lsm.core.runtime import ti
 from tests.helpers import scenes
 
@@ -17,11 +17,11 @@ class Rotor:
     def __init__(self, samples):
         self.turn, self.momentum = ti.Vector.field(4, ti.f64, ()), ti.Vector.field(3, ti.f64, ())
         self.inertia = ti.Vector.field(3, ti.f64, ())
-        self.seen = ti.Vector.field(5, ti.f64, samples)  # energy, spin about the principal axes, |q|
+        self.make_contact = ti.Vector.field(5, ti.f64, samples)  # energy, spin about the principal axes, |q|
 
-    def start(self, inertia, spin, turn=(1.0, 0.0, 0.0, 0.0)):
+    def start(self, inertia, angular_velocity, turn=(1.0, 0.0, 0.0, 0.0)):
         self.inertia[None], self.turn[None] = inertia, turn
-        self.set_spin(*spin)
+        self.set_spin(*angular_velocity)
 
     @ti.kernel
     def set_spin(self, x: ti.f64, y: ti.f64, z: ti.f64):
@@ -35,16 +35,16 @@ class Rotor:
             for _ in range(every):
                 q = free_rotor(q, p, inverse, dt)
             self.turn[None] = q
-            omega = spin_of(q, p, inverse)
+            omega = angular_velocity_of(q, p, inverse)
             u = ti.Vector([q[1], q[2], q[3]])
             t = 2.0 * omega.cross(u)
             body = omega + q[0] * t + t.cross(u)
-            self.seen[i] = ti.Vector([0.5 * omega.dot(p), body[0], body[1], body[2], q.norm()])
+            self.make_contact[i] = ti.Vector([0.5 * omega.dot(p), body[0], body[1], body[2], q.norm()])
 
     def watch(self, samples, every, dt):
         """Rows (samples, 5) of energy, body spin (3) and norm of the quaternion."""
         self.run(samples, every, dt)
-        return self.seen.to_numpy()[:samples]
+        return self.make_contact.to_numpy()[:samples]
 
 
 @pytest.fixture(scope="module")
@@ -53,13 +53,13 @@ def rotor(runtime):
 
 
 def test_a_symmetric_top_precesses_at_the_rate_of_the_closed_form(rotor):
-    inertia, spin = np.array([2.0, 2.0, 3.0]), (0.3, 0.0, 1.5)
-    rotor.start(inertia, spin)
+    inertia, angular_velocity = np.array([2.0, 2.0, 3.0]), (0.3, 0.0, 1.5)
+    rotor.start(inertia, angular_velocity)
     dt, every = 1e-3, 20
     rows = rotor.watch(1000, every, dt)
     angle = np.unwrap(np.arctan2(rows[:, 2], rows[:, 1]))
     rate = np.polyfit(np.arange(1000) * every * dt, angle, 1)[0]
-    expected = spin[2] * (inertia[2] - inertia[0]) / inertia[0]
+    expected = angular_velocity[2] * (inertia[2] - inertia[0]) / inertia[0]
     assert rate == pytest.approx(expected, rel=1e-3)
     assert np.hypot(rows[:, 1], rows[:, 2]) == pytest.approx(0.3, rel=1e-6)
 
@@ -86,7 +86,7 @@ def test_energy_of_an_asymmetric_top_has_no_trend_over_a_million_steps(rotor):
     ripple = np.ptp(energy)
     assert ripple < 1e-3 * energy.mean()
     assert abs(slope) < 0.02 * ripple
-    assert rotor.seen.to_numpy()[:, 4] == pytest.approx(1.0, abs=1e-12)
+    assert rotor.make_contact.to_numpy()[:, 4] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_the_error_falls_as_the_square_of_the_step(rotor):

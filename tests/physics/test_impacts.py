@@ -26,9 +26,9 @@ CASES = {  # name: (velocity, spin) of the grain that hits the wall from above
     "restitution": ((0.0, -V, 0.0), (0.0, 0.0, 0.0)),
     "oblique 68": (V * np.tan(np.radians(68)), -V),
     "oblique 75": (V * np.tan(np.radians(75)), -V),
-    "spin": ((0.0, -V, 0.0), (0.0, 0.0, 12.0)),
+    "angular_velocity": ((0.0, -V, 0.0), (0.0, 0.0, 12.0)),
 }
-STRAIGHT = [case for case in CASES if case != "spin"]  # an angular grain that spins meets the wall twice
+STRAIGHT = [case for case in CASES if case != "angular_velocity"]  # an angular grain that spins meets the wall twice
 SLIDING = 3.5 * MU * (1 + E) * V  # change of the slip by a contact that slides to its end
 
 
@@ -55,9 +55,9 @@ def outcome(runtime):
     for s, name in enumerate(SHAPES):
         aims = AIMS if name.endswith("faces") else ("sphere",)
         for case, aim in itertools.product(CASES if len(aims) == 1 else STRAIGHT, aims):
-            motion, spin = CASES[case]
+            motion, angular_velocity = CASES[case]
             if case.startswith("oblique"):
-                motion, spin = (motion, spin, 0.0), (0.0, 0.0, 0.0)
+                motion, angular_velocity = (motion, angular_velocity, 0.0), (0.0, 0.0, 0.0)
             q = aimed(shapes[s], aim, rng)
             down = q.apply([[0, -1, 0]], inverse=True)
             reach = float(shapes[s].support(down)[0]) if name.endswith("faces") else 0.5
@@ -66,7 +66,7 @@ def outcome(runtime):
             scale += [WALL, 1.0]
             which += [0, s]
             v += [(0.0, 0.0, 0.0), motion]
-            omega += [(0.0, 0.0, 0.0), spin]
+            omega += [(0.0, 0.0, 0.0), angular_velocity]
             turn += [(1.0, 0.0, 0.0, 0.0), q.as_quat(scalar_first=True)]
             glued += [0, -1]
             keys.append((name, case, aim) if name.endswith("faces") else (name, case))
@@ -74,12 +74,12 @@ def outcome(runtime):
         np.array(x),
         [lsm.LinearElastic(STIFFNESS), lsm.ViscousDamping(restitution=E), lsm.CoulombFriction(MU, 0.5 * STIFFNESS)],
         shapes=shapes,
-        shape=np.array(which),
-        scale=np.array(scale),
+        shape_index=np.array(which),
+        diameter=np.array(scale),
         velocity=np.array(v),
-        spin=np.array(omega),
+        angular_velocity=np.array(omega),
         orientation=np.array(turn),
-        platen=np.array(glued),
+        platen_index=np.array(glued),
         platens=[lsm.Platen("wall", [lsm.Fixed()] * 3)],
         area=1.0,
         density=1.0,
@@ -89,7 +89,7 @@ def outcome(runtime):
     sim = scenes.simulate(scene)
     sim.run(600)
     assert sim.measure.sums()["contact_count"] == 0
-    v, omega = sim.state.velocity.to_numpy()[1::2], sim.state.spin.to_numpy()[1::2]
+    v, omega = sim.state.velocity.to_numpy()[1::2], sim.state.angular_velocity.to_numpy()[1::2]
     return {key: (v[i], omega[i]) for i, key in enumerate(keys)}
 
 
@@ -111,7 +111,7 @@ def test_an_oblique_impact_that_slides(outcome, shape, case):
 
 @pytest.mark.parametrize("shape", ["sphere", "1 face"])
 def test_a_spinning_sphere_on_a_wall(outcome, shape):
-    v, omega = outcome[shape, "spin"]
+    v, omega = outcome[shape, "angular_velocity"]
     slip = 12.0 * 0.5
     assert (v[0] + 0.5 * omega[2]) / slip == pytest.approx(1 - SLIDING / slip, rel=0.03)
     assert v[0] == pytest.approx(-MU * (1 + E) * V, rel=0.01)

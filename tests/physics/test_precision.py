@@ -24,5 +24,5 @@ def test_key_tests_pass_in_f32():
     environment = os.environ | {"LSM_TEST_PRECISION": "f32"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
-    laws = sum(law.phase in ON_CONTACTS for law in find_effects().values())
-    assert f"\n{2 * laws + 5} passed" in done.stdout
+    effects = sum(effect.phase in ON_CONTACTS for effect in find_effects().values())
+    assert f"\n{2 * effects + 5} passed" in done.stdout

@@ -15,25 +15,25 @@ def cluster(dim, shapes, seed=4, per_axis=3, speed=1.0):
     x = np.stack(np.meshgrid(*[np.arange(per_axis)] * dim), axis=-1).reshape(-1, dim) - 0.5 * (per_axis - 1)
     x = 1.5 * x + rng.uniform(-0.05, 0.05, x.shape)
     n = len(x)
-    turned = {"angle": rng.uniform(0, 6, n)} if dim == 2 else {"orientation": lsm.random_rotations(rng, n, 3)}
+    orientations = {"angle": rng.uniform(0, 6, n)} if dim == 2 else {"orientation": lsm.random_rotations(rng, n, 3)}
     return scenes.scene(
         x,
         [lsm.LinearElastic(2000.0)],
         shapes=shapes,
-        shape=np.arange(n) % len(shapes),
+        shape_index=np.arange(n) % len(shapes),
         density=1.0,
         velocity=-speed * x + 0.1 * rng.normal(size=x.shape),
-        spin=rng.normal(size=(n, 1 if dim == 2 else 3)),
+        angular_velocity=rng.normal(size=(n, 1 if dim == 2 else 3)),
         thickness=1.0,
         dt=1e-3,
-        **turned,
+        **orientations,
     )
 
 
 def momenta(sim):
     """(linear momentum, its scale, angular momentum, its scale) of velocities half a step before positions."""
     mass, inertia = sim.scene.masses()
-    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "spin"))
+    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "angular_velocity"))
     if x.shape[1] == 3:
         own, orbital = sim.state.angular_momentum.to_numpy(), np.cross(x, v)
     else:

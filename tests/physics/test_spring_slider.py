@@ -18,8 +18,8 @@ BLOCK = 1e-4  # [kg]
 def test_stability_boundary_of_a_spring_slider(runtime, evolution):
     """K_c = (b - a) F_n/D_c (1 + m V^2/(a F_n D_c)): Ruina (1983), with inertia Rice & Ruina (1983)."""
     count, k_t = 21, 0.5
-    law = lsm.RateAndStateFriction(MU_0, A, B, 1.0, 1.0, k_t, evolution)
-    bench = Sliders(law, count, mass=BLOCK)
+    effect = lsm.RateAndStateFriction(MU_0, A, B, 1.0, 1.0, k_t, evolution)
+    bench = Sliders(effect, count, mass=BLOCK)
     stiffness = CRITICAL * np.linspace(0.9, 1.12, count)
     start = np.zeros((count, 2))
     start[:, 0] = -MU_0 / k_t  # steady slip at V_0
@@ -30,11 +30,11 @@ def test_stability_boundary_of_a_spring_slider(runtime, evolution):
     bench.set(load=1.0 + 1e-3)
     period = 2 * np.pi * np.sqrt(A / (B - A))
     bench.pull(int(2 * period / 4e-3))
-    swings = []
+    oscillations = []
     for _ in range(2):
         bench.pull(int(4 * period / 4e-3))
-        swings.append(bench.highest.to_numpy() - bench.lowest.to_numpy())
-    growth = np.log(swings[1] / swings[0])
+        oscillations.append(bench.highest.to_numpy() - bench.lowest.to_numpy())
+    growth = np.log(oscillations[1] / oscillations[0])
     assert growth[0] > 0.1 and growth[-1] < -0.1 and np.all(np.diff(growth) < 0)
     series = stiffness * k_t / (stiffness + k_t)
     boundary = np.interp(0.0, -growth, series)
@@ -51,15 +51,15 @@ def rides(runtime):
     """rides(law): a glued disc that is pressed on the flat top of a free giant, far too heavy to move, and drawn."""
     made = {}
 
-    def get(law):
-        if law.name not in made:
+    def get(effect):
+        if effect.name not in made:
             drives = [lsm.SpringLoadPoint(PULL, SPRING, INERTIA), lsm.ServoStress(N, 1, K, INERTIA, 1.0, 0.5)]
-            made[law.name] = scenes.simulate(
+            made[effect.name] = scenes.simulate(
                 scenes.scene(
                     [(0.0, -0.5 * GIANT), (0.0, 0.5 - N / K)],
-                    [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.3), law],
-                    scale=np.array([GIANT, 1.0]),
-                    platen=np.array([-1, 0]),
+                    [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.3), effect],
+                    diameter=np.array([GIANT, 1.0]),
+                    platen_index=np.array([-1, 0]),
                     platens=[lsm.Platen("slider", drives)],
                     density=1.0,
                     thickness=1.0,
@@ -68,7 +68,7 @@ def rides(runtime):
                     dt=1e-2,
                 )
             )
-        return made[law.name]
+        return made[effect.name]
 
     return get
 
@@ -120,17 +120,17 @@ def test_rate_and_state_slips_steadily_only_on_a_stiff_spring(rides):
     d_c, v_0 = 0.05, 0.005
     sim = rides(lsm.RateAndStateFriction(MU_0, A, B, d_c, v_0, 0.5 * K))
     critical = CRITICAL * N / d_c
-    swings = []
+    oscillations = []
     for stiffness in (2.0 * critical, 0.5 * critical):
         scenes.reload(sim, position=np.array([(0.0, -0.5 * GIANT), (0.0, 0.5 - N / K)]))
         for velocity, way in ((10 * v_0, 0.9 * MU_0 * N / stiffness), (v_0, 10 * d_c), (3 * v_0, 100 * d_c)):
             sim.platens.set("slider", 0, lsm.SpringLoadPoint(velocity, stiffness, INERTIA))
             sim.run(int(way / velocity / sim.dt))
         force = forces(sim, 10 * d_c / velocity, stiffness)
-        swings.append(np.ptp(force) / N)
+        oscillations.append(np.ptp(force) / N)
         if stiffness > critical:
             assert force == pytest.approx(N * (MU_0 + (A - B) * np.log(3.0)), rel=1e-4)
-    assert swings[0] < 1e-5 and swings[1] > B
+    assert oscillations[0] < 1e-5 and oscillations[1] > B
 
 
 def test_springs_that_make_no_sense_are_refused(rides):

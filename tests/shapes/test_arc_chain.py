@@ -16,7 +16,7 @@ def test_disc_and_sphere_have_equivalent_diameter_one():
     assert sphere().inertia == pytest.approx([2 / 5 * sphere().measure * 0.5**2] * 3, rel=1e-15)
     for shape, dim in ((disc(), 2), (sphere(), 3)):
         assert (shape.patch_count, shape.centre.shape, shape.seam.shape) == (1, (1, dim), (0, 2))
-        assert (shape.bounding_radius, shape.cap_radius, shape.lever) == (0.5, 0.5, 0.0)
+        assert (shape.bounding_radius, shape.overlap_limit, shape.lever) == (0.5, 0.5, 0.0)
 
 
 def test_shapes_cannot_be_changed():
@@ -72,7 +72,7 @@ REFUSED = [
     (disc(), {"measure": np.nan}, "measure = nan"),
     (disc(), {"lever": -1.0}, "lever = -1"),
     (disc(), {"lever": 0.6}, "lever = 0.6"),
-    (disc(), {"cap_radius": 0.6}, "cap_radius = 0.6"),
+    (disc(), {"overlap_limit": 0.6}, "cap_radius = 0.6"),
     (disc(), {"radius": [-0.5]}, "radius"),
     (disc(), {"radius": []}, "radius"),
     (disc(), {"radius": [np.inf]}, "radius"),

@@ -92,7 +92,7 @@ def test_lens_and_ball_in_closed_form():
     area = 2 * 2 * np.pi * 0.7
     assert (10 * areas[1] - areas[0]) / 9 == pytest.approx(area, rel=1e-6)
     ball = ball_of_faces(1)
-    assert (ball.patch_count, ball.cap_radius, ball.bounding_radius, ball.lever) == pytest.approx(
+    assert (ball.patch_count, ball.overlap_limit, ball.bounding_radius, ball.lever) == pytest.approx(
         (1, 0.5, 0.5, 0), abs=1e-9
     )
     assert ball.inertia == pytest.approx(np.full(3, np.pi / 60), rel=1e-12)

@@ -73,7 +73,7 @@ def test_ellipses_converge_and_polygons_have_their_corners():
     exact = np.hypot(2 * b * n[:, 0], b * n[:, 1])
     errors = [np.abs(lsm.ellipse(2.0, arcs).support(n) - exact).max() for arcs in (12, 24, 48)]
     assert errors[0] > 3 * errors[1] > 9 * errors[2]
-    assert lsm.regular_polygon(5, 0.07).cap_radius == pytest.approx(0.07, abs=1e-9)
+    assert lsm.regular_polygon(5, 0.07).overlap_limit == pytest.approx(0.07, abs=1e-9)
     y, x = np.mgrid[-30:31, -30:31]
     shape, misfit = lsm.from_outline(lsm.outline_of_image(np.hypot(x / 1.5, y), 15.0))
     assert misfit.greatest_distance < 0.01 and shape.measure == pytest.approx(np.pi / 4)

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from taichi_lsm.shapes import polyhedra
-from taichi_lsm.shapes.laguerre_tiles import Tile, grain_in_tile, laguerre_tiles, pave_volume, without_corners
+from taichi_lsm.shapes.laguerre_tiles import Tile, grain_in_tile, laguerre_packing, laguerre_tiles, without_corners
 
 MODULE = sys.modules["taichi_lsm.shapes.laguerre_tiles"]  # the package has a function of this name
 LENGTH = 3.0
@@ -111,7 +111,7 @@ def excess(shape, centre, frame, tile, gap, diameter=1.0):
 
 @pytest.mark.parametrize("radii", [None, np.linspace(0.4, 0.7, 8)], ids=["voronoi", "laguerre"])
 def test_every_grain_keeps_the_gap_inside_its_tile(radii):
-    shapes, places, diameters, turns = pave_volume(8, 2.0, 5, 0.06, 0.02, radii=radii)
+    shapes, places, diameters, turns = laguerre_packing(8, 2.0, 5, 0.06, 0.02, radii=radii)
     tiles = laguerre_tiles(8, 2.0, 5, radii=radii)
     for shape, x, d, q, tile in zip(shapes, places, diameters, turns, tiles, strict=True):
         frame = Rotation.from_quat(q, scalar_first=True).as_matrix()
@@ -153,9 +153,9 @@ def test_a_grain_that_never_fits_is_refused(monkeypatch):
 
 def test_paving_refuses_what_does_not_fit():
     with pytest.raises(ValueError, match="tile 0.*corner_radius = 0.9"):
-        pave_volume(8, 2.0, 5, 0.9, 0.0)
+        laguerre_packing(8, 2.0, 5, 0.9, 0.0)
     with pytest.raises(ValueError, match="gap = -0.1"):
-        pave_volume(8, 2.0, 5, 0.05, -0.1)
+        laguerre_packing(8, 2.0, 5, 0.05, -0.1)
 
 
 def test_cut_corners_add_faces_and_stay_inside(tiling):

@@ -46,7 +46,7 @@ def test_the_misfit_of_a_rounded_cube_follows_its_corner_radius():
         recedes = np.sqrt(0.75) - widened * (np.sqrt(0.75) - (np.sqrt(3) - 1) * r)
         assert misfit.greatest_distance * diameter == pytest.approx(recedes, abs=0.006)
         assert shape.face_count == 6
-        assert shape.cap_radius == pytest.approx(corner_radius, rel=1e-3)
+        assert shape.overlap_limit == pytest.approx(corner_radius, rel=1e-3)
 
 
 def test_more_faces_fit_a_ball_better():

@@ -82,7 +82,7 @@ def test_disc_of_arcs(n):
         assert shape.radius == pytest.approx(0.5, rel=1e-14)
         assert shape.measure == pytest.approx(np.pi / 4, rel=1e-14)
         assert shape.inertia == pytest.approx([np.pi / 32], rel=1e-14)
-        assert (shape.bounding_radius, shape.cap_radius) == pytest.approx((0.5, 0.5), rel=1e-14)
+        assert (shape.bounding_radius, shape.overlap_limit) == pytest.approx((0.5, 0.5), rel=1e-14)
         assert shape.lever < 1e-15
         assert_normals_tile_the_circle(shape)
 
@@ -98,7 +98,7 @@ def test_oval_of_four_arcs_against_the_steiner_formula(small, large, half_turn):
     assert shape.measure == pytest.approx(lens + 4 * core * blunt * small + np.pi * small**2, rel=1e-12)
     tip, waist = core * np.sin(blunt) + small, large - core * np.cos(blunt)
     assert shape.bounding_radius == pytest.approx(max(tip, waist), rel=1e-12)
-    assert shape.cap_radius == small
+    assert shape.overlap_limit == small
     # p cross n of a centre on an axis of symmetry grows away from that axis, so the seam has the greatest
     assert shape.lever == pytest.approx(core * np.sin(blunt) * np.cos(blunt), rel=1e-12)
     assert np.abs(shape.centre.sum(axis=0)).max() < 1e-13 * large
@@ -167,7 +167,7 @@ def test_cutting_an_arc_in_two_changes_nothing():
     whole = arc_chain(breaks, radii)
     cut = arc_chain(np.insert(breaks, 2, 2.0), np.insert(radii, 2, radii[1]))
     assert cut.patch_count == whole.patch_count + 1
-    for name in ("measure", "bounding_radius", "cap_radius", "lever", "inertia"):
+    for name in ("measure", "bounding_radius", "overlap_limit", "lever", "inertia"):
         assert getattr(cut, name) == pytest.approx(getattr(whole, name), rel=1e-13), name
     assert cut.centre[2] == pytest.approx(cut.centre[1], abs=1e-15)
 
@@ -179,7 +179,7 @@ def test_normalising_only_rescales():
     assert unit.measure == pytest.approx(np.pi / 4, rel=1e-14)
     assert unit.centre == pytest.approx(scale * raw.centre, abs=1e-13)
     assert unit.inertia == pytest.approx(scale**4 * raw.inertia, rel=1e-12)
-    assert raw.cap_radius == pytest.approx(0.5, rel=1e-12)
+    assert raw.overlap_limit == pytest.approx(0.5, rel=1e-12)
 
 
 def test_arc_chain_refusals():
@@ -245,7 +245,7 @@ def test_any_convex_polygon(seed, points, share, arcs):
     assert_closed_g1(shape)
     assert_normals_tile_the_circle(shape)
     size = np.sqrt(4 / np.pi * Polygon(polygon).area)
-    assert share * room * (1 - 1e-9) <= shape.cap_radius and shape.radius.max() <= 10 * size * (1 + 1e-9)
+    assert share * room * (1 - 1e-9) <= shape.overlap_limit and shape.radius.max() <= 10 * size * (1 + 1e-9)
     outline = Polygon(shape.outline(500))
     assert outline.convex_hull.area == pytest.approx(outline.area, rel=1e-9)
     # inside the polygon after some shift, and touching it: the least greatest excess over the sides is zero

@@ -7,7 +7,7 @@ import trimesh
 from taichi_lsm.shapes import (
     ellipsoid,
     from_mesh,
-    pave_volume,
+    laguerre_packing,
     random_angular_polyhedra,
     regular_polyhedron,
     superellipsoid,
@@ -102,7 +102,7 @@ def test_random_polyhedra_refuse_what_is_out_of_range(field, value):
 def test_tiles_of_a_volume_hold_their_grains_apart():
     from scipy.spatial.transform import Rotation
 
-    shapes, position, diameter, turn = pave_volume(12, 2.0, 3, 0.06, 0.02)
+    shapes, position, diameter, turn = laguerre_packing(12, 2.0, 3, 0.06, 0.02)
     n = np.random.default_rng(0).normal(size=(400, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     frames = [Rotation.from_quat(q, scalar_first=True).as_matrix() for q in turn]

@@ -18,7 +18,7 @@ def aspect(shape):
 
 def cornered(shape):
     """Share of the turning of the outline in its corners."""
-    return shape._spans()[1][shape.radius < 1.001 * shape.cap_radius].sum() / (2.0 * np.pi)
+    return shape._spans()[1][shape.radius < 1.001 * shape.overlap_limit].sum() / (2.0 * np.pi)
 
 
 @pytest.mark.parametrize("elongation", [1.0, 2.0, 4.0])
@@ -26,7 +26,7 @@ def cornered(shape):
 @pytest.mark.parametrize("corner_radius", [0.02, 0.1])
 def test_what_is_asked_for_is_met(elongation, angularity, corner_radius):
     for shape in lsm.random_polygons(4, 3, corner_radius, (6, 10), elongation, angularity):
-        assert shape.cap_radius == pytest.approx(corner_radius, abs=2e-10)
+        assert shape.overlap_limit == pytest.approx(corner_radius, abs=2e-10)
         assert shape.measure == pytest.approx(np.pi / 4, rel=1e-12)
         assert aspect(shape) == pytest.approx(elongation, rel=0.2)
         assert shape.patch_count in range(12, 21, 2)

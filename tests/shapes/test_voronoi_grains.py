@@ -22,8 +22,8 @@ def test_count_names_and_size(shapes):
 @pytest.mark.parametrize("corner_radius", [0.02, 0.05, 0.1, 0.3])
 def test_corner_radius_is_in_units_of_the_grain(corner_radius):
     for shape in random_angular_shapes(4, seed=2, corner_radius=corner_radius):
-        assert shape.cap_radius == pytest.approx(corner_radius, abs=1e-9)
-        assert shape.radius.min() == shape.cap_radius
+        assert shape.overlap_limit == pytest.approx(corner_radius, abs=1e-9)
+        assert shape.radius.min() == shape.overlap_limit
 
 
 def test_grains_are_about_their_centre_of_mass_and_convex(shapes):
@@ -36,8 +36,8 @@ def test_grains_are_about_their_centre_of_mass_and_convex(shapes):
 def test_grains_are_angular_and_not_slender(shapes):
     for shape in shapes:
         assert polygon_measures(shape.outline(2000)[:-1]).aspect < 1.52  # rounding adds to the tile's 1.5
-        turned = shape._spans()[1][shape.radius < 2 * shape.cap_radius].sum()
-        assert turned > 0.8 * 2 * np.pi  # nearly all of the turn happens in sharp corners
+        corner_angle = shape._spans()[1][shape.radius < 2 * shape.overlap_limit].sum()
+        assert corner_angle > 0.8 * 2 * np.pi  # nearly all of the turn happens in sharp corners
 
 
 def test_deterministic_and_independent_of_the_count(shapes):

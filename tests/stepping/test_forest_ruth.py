@@ -10,10 +10,10 @@ MASS, DEPTH = 250.0 * np.pi, 0.05
 PERIOD = 2.0 * np.pi / np.sqrt(2.0 * scenes.STIFFNESS / MASS)
 
 
-def swinging(dt, swing=0.02, **more):
+def swinging(dt, oscillation=0.02, **more):
     """Two discs that cohesion holds together, with half of DEPTH to swing; they never part."""
-    laws = [lsm.LinearElastic(scenes.STIFFNESS), lsm.Cohesion(scenes.STIFFNESS * DEPTH, 0.5)]
-    return scenes.scene([[0, 0], [1 - DEPTH + swing, 0]], laws, dt=dt, integrator=lsm.ForestRuth, **more)
+    effects = [lsm.LinearElastic(scenes.STIFFNESS), lsm.Cohesion(scenes.STIFFNESS * DEPTH, 0.5)]
+    return scenes.scene([[0, 0], [1 - DEPTH + oscillation, 0]], effects, dt=dt, integrator=lsm.ForestRuth, **more)
 
 
 @pytest.mark.skipif(scenes.PRECISION == "f32", reason="errors of the scheme are below those of f32")

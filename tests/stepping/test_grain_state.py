@@ -11,19 +11,19 @@ from taichi_lsm.stepping.grain_state import Grains, grain_variables
 from tests.helpers import scenes
 
 REAL = 8 if scenes.PRECISION == "f64" else 4
-SIZES = {"space": 2, "spin": 1, "turn": 2, "ledger": 2, "history": 2, "two": 2, "gap": 3}
+SIZES = {"space": 2, "rotation": 1, "orientation": 2, "channel": 2, "history": 2, "two": 2, "gap": 3}
 
 
 @pytest.fixture(scope="module")
 def grains(runtime):
-    return Grains(2, 50, grain_variables(rotates=True, oriented=True, shaped=True, ledger=2), 2)
+    return Grains(2, 50, grain_variables(rotates=True, oriented=True, shaped=True, track_dissipation=2), 2)
 
 
 def test_columns_by_id_survive_a_reorder(grains):
     rng = np.random.default_rng(0)
     position, shape, platen = rng.random((50, 2)), rng.integers(0, 9, 50), rng.integers(-1, 2, 50)
     dissipated = rng.random((50, 2))
-    columns = {"position": position, "shape": shape, "platen": platen, "dissipated": dissipated}
+    columns = {"position": position, "shape_index": shape, "platen_index": platen, "dissipated": dissipated}
     for name, values in columns.items():
         grains.set_column(name, values)
     slots = np.arange(50)
@@ -40,7 +40,7 @@ def test_columns_by_id_survive_a_reorder(grains):
         assert np.array_equal(grains.position.to_numpy()[:50], position[slots])  # the rows did move
     grains.set_column("position", -position)
     assert np.array_equal(grains.column("position"), -position)
-    assert len(grains) == 50 and grains.has("spin") and not grains.has("temperature")
+    assert len(grains) == 50 and grains.has("angular_velocity") and not grains.has("temperature")
 
 
 def names(**options):
@@ -48,13 +48,13 @@ def names(**options):
 
 
 def test_rows_exist_only_for_what_the_scene_lists():
-    plain = names(rotates=False, oriented=False, shaped=False, ledger=0)
-    rolling = names(rotates=True, oriented=False, shaped=False, ledger=0)
-    angular = names(rotates=True, oriented=True, shaped=True, ledger=0)
+    plain = names(rotates=False, oriented=False, shaped=False, track_dissipation=0)
+    rolling = names(rotates=True, oriented=False, shaped=False, track_dissipation=0)
+    angular = names(rotates=True, oriented=True, shaped=True, track_dissipation=0)
     assert len(plain) == 8
-    assert rolling - plain == {"spin", "inverse_inertia", "torque"}
-    assert angular - rolling == {"orientation", "shape", "scale", "cap_radius", "travel"}
-    assert names(rotates=False, oriented=False, shaped=False, ledger=1) - plain == {"dissipated"}
+    assert rolling - plain == {"angular_velocity", "inverse_inertia", "torque"}
+    assert angular - rolling == {"orientation", "shape_index", "diameter", "overlap_limit", "travel"}
+    assert names(rotates=False, oriented=False, shaped=False, track_dissipation=1) - plain == {"dissipated"}
 
 
 def test_bytes_of_a_grain_and_of_a_pair(runtime):
@@ -73,14 +73,14 @@ def test_bytes_of_a_grain_and_of_a_pair(runtime):
 
 
 @pytest.mark.parametrize("name", ["elastic_discs", "frictional_discs", "elastic_arcs", "frictional_arcs"])
-def test_simulation_pays_only_for_its_effects(gallery, name):
-    sim = gallery(name)
+def test_simulation_pays_only_for_its_effects(reference_packing, name):
+    sim = reference_packing(name)
     kind, body = name.split("_")
     shaped, frictional = body == "arcs", kind == "frictional"
     rotates = shaped or frictional
     expected = {row.name for row in grain_variables(rotates, shaped, shaped, 2 if frictional else 0, onset=True)}
     assert set(sim.grains.variables) == expected
-    for row in ("spin", "orientation", "dissipated", "shape"):
+    for row in ("angular_velocity", "orientation", "dissipated", "shape_index"):
         assert hasattr(sim.grains, row) == (row in expected)
     pair_rows = {row.name for row in sim.pairs.variables}
     assert ("pair_torque" in pair_rows) == rotates
@@ -98,18 +98,18 @@ def test_simulation_pays_only_for_its_effects(gallery, name):
 
 
 def test_without_a_ledger_nothing_is_booked(runtime):
-    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.9, 0.0)], scenes.frictional(), ledger=False))
+    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.9, 0.0)], scenes.frictional(), track_dissipation=False))
     assert not sim.grains.has("dissipated") and not hasattr(sim.grains, "dissipated")
     assert not [name for name in sim.measure.names if name.startswith("dissipated")]
     sim.run(3)
     assert sim.measure.sums()["translational_energy"] > 0
 
 
-def test_state_is_read_and_written_by_name(gallery):
-    sim = gallery("elastic_discs")
+def test_state_is_read_and_written_by_name(reference_packing):
+    sim = reference_packing("elastic_discs")
     assert sim.state.position.to_numpy().shape == (48, 2)
-    with pytest.raises(AttributeError, match="no state 'spin'.*position"):
-        sim.state.spin.to_numpy()
+    with pytest.raises(AttributeError, match="no state 'angular_velocity'.*position"):
+        sim.state.angular_velocity.to_numpy()
 
 
 def test_capacity_is_rounded_by_an_eighth_at_most():
@@ -141,10 +141,10 @@ GOOD = {"position": [(0.0, 0.0), (3.0, 0.0)], "effects": [lsm.LinearElastic(1.0)
         ({"position": np.zeros((0, 2))}, "no grains"),
         ({"position": [(0.0, np.nan), (1.0, 0.0)]}, "Scene.position: grain 0 is not finite"),
         ({"position": np.zeros((2, 4))}, "dim 4"),
-        ({"scale": -1.0}, "Scene.scale"),
+        ({"diameter": -1.0}, "Scene.diameter"),
         ({"density": 0.0}, "Scene.density"),
-        ({"shape": 1}, "Scene.shape"),
-        ({"platen": np.array([0, -1])}, "Scene.platen"),
+        ({"shape_index": 1}, "Scene.shape_index"),
+        ({"platen_index": np.array([0, -1])}, "Scene.platen_index"),
         ({"velocity": np.zeros((3, 2))}, "Scene.velocity"),
         ({"lengths": (1.0,)}, "Scene.lengths"),
         ({"effects": [lsm.LinearElastic(1.0)] * 2}, "Scene.effects"),

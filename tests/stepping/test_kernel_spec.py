@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.core.fields import bytes_per_row, spin_size, turn_size
+from taichi_lsm.core.fields import bytes_per_row, orientation_size, rotation_size
 from taichi_lsm.effects import find_effects
-from taichi_lsm.stepping.kernel_spec import MakeUp
+from taichi_lsm.stepping.kernel_spec import KernelSpec
 from tests.helpers import scenes
 
 pytestmark = pytest.mark.usefixtures("runtime")
@@ -27,9 +27,9 @@ def case(name, dim):
 def rows(effects, dim, **more):
     """{(table, row): bytes} of a scene of two touching grains with these laws."""
     scene = scenes.scene([(0.0,) * dim, (0.95,) + (0.0,) * (dim - 1)], effects, **more)
-    made = MakeUp.of(scene)
-    sizes = {"space": dim, "spin": spin_size(dim), "turn": turn_size(dim), "two": 2}
-    sizes |= {"ledger": made.books, "history": made.history}
+    made = KernelSpec.of(scene)
+    sizes = {"space": dim, "rotation": rotation_size(dim), "orientation": orientation_size(dim), "two": 2}
+    sizes |= {"channel": made.channels, "history": made.history}
     tables = {"grain": made.grain_rows(), "pair": made.pair_rows()}
     return {(table, row.name): bytes_per_row([row], sizes) for table, found in tables.items() for row in found}
 
@@ -37,37 +37,52 @@ def rows(effects, dim, **more):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("name", LAWS)
 def test_a_law_adds_its_own_rows_and_bytes_and_takes_them_away_again(name, dim):
-    law, others = case(name, dim), COMPANIONS.get(name, ELASTIC)
-    bonds = {"bonds": np.array([[0, 1]])} if law.phase == "bond" else {}
-    without, whole = rows(others, dim), rows([*others, law], dim, **bonds)
+    effect, others = case(name, dim), COMPANIONS.get(name, ELASTIC)
+    bonds = {"bonds": np.array([[0, 1]])} if effect.phase == "bond" else {}
+    without, whole = rows(others, dim), rows([*others, effect], dim, **bonds)
     added = {key: size - without.get(key, 0) for key, size in whole.items() if size != without.get(key)}
-    spin = spin_size(dim)
+    angular_velocity = rotation_size(dim)
     expected = {}
-    if law.dissipates:
+    if effect.dissipates:
         expected["grain", "dissipated"] = 8
-    if law.phase != "body" and law.history_size(dim):
-        expected["pair", "history"] = law.history_size(dim) * REAL
-    if law.phase == "tangential" or law.couples or law.phase == "bond":  # grains turn
-        expected |= {("grain", "spin"): 8 * spin, ("grain", "inverse_inertia"): REAL * spin}
-        expected |= {("grain", "torque"): REAL * spin, ("pair", "pair_torque"): REAL * spin}
-    if law.phase == "bond":
-        expected["grain", "orientation"] = 8 * turn_size(dim)
-    if hasattr(law, "onset_impulse"):
-        expected |= {("grain", "kicked"): 1, ("grain", "last_velocity"): 8 * dim, ("pair", "pair_kick"): REAL * dim}
+    if effect.phase != "body" and effect.history_size(dim):
+        expected["pair", "history"] = effect.history_size(dim) * REAL
+    if effect.phase == "tangential" or effect.adds_moment or effect.phase == "bond":  # grains turn
+        expected |= {
+            ("grain", "angular_velocity"): 8 * angular_velocity,
+            ("grain", "inverse_inertia"): REAL * angular_velocity,
+        }
+        expected |= {("grain", "torque"): REAL * angular_velocity, ("pair", "pair_torque"): REAL * angular_velocity}
+    if effect.phase == "bond":
+        expected["grain", "orientation"] = 8 * orientation_size(dim)
+    if hasattr(effect, "onset_impulse"):
+        expected |= {
+            ("grain", "has_impulse"): 1,
+            ("grain", "last_velocity"): 8 * dim,
+            ("pair", "pair_impulse"): REAL * dim,
+        }
     assert added == expected
     assert set(without) <= set(whole)
 
 
 def test_frictionless_spheres_keep_neither_spins_nor_a_past():
     names = {name for _, name in rows(ELASTIC, 3)}
-    assert not names & {"spin", "inverse_inertia", "torque", "pair_torque", "history", "orientation", "dissipated"}
+    assert not names & {
+        "angular_velocity",
+        "inverse_inertia",
+        "torque",
+        "pair_torque",
+        "history",
+        "orientation",
+        "dissipated",
+    }
     plain = {name for _, name in rows(ELASTIC, 3, integrator=lsm.VelocityVerlet)}
-    assert names - plain == {"kicked", "last_velocity", "pair_kick"}
+    assert names - plain == {"has_impulse", "last_velocity", "pair_impulse"}
 
 
 def test_what_is_not_in_the_scene_is_not_in_the_simulation(runtime):
     sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.95, 0.0)], ELASTIC))
     assert not any((sim.walls, sim.bonds, sim.platens, sim.surfaces, sim.parts))
-    assert not sim.domain.sheared and not sim.forces.reaches and not sim.forces.couples and not sim.forces.needs
-    assert not hasattr(sim.forces.geometry, "reach") and not sim.forces.body_laws and not sim.forces.motion_laws
-    assert not sim.forces.lanes.members.keys() & {"memory_0", "spin_k_0", "torque_k_0", "reduced_radius", "lost_0"}
+    assert not sim.domain.sheared and not sim.forces.reaches and not sim.forces.adds_moment and not sim.forces.needs
+    assert not hasattr(sim.forces.geometry, "reach") and not sim.forces.body_effects and not sim.forces.motion_effects
+    assert not sim.forces.block.members.keys() & {"memory_0", "spin_k_0", "torque_k_0", "reduced_radius", "lost_0"}

@@ -13,15 +13,15 @@ STIFFNESS = 2000.0
 def pairs_on_course(dim, rng):
     """Arguments of `scenes.scene`: 200 pairs of random grains in open space, each flying at each other off centre."""
     if dim == 2:
-        shapes, _, diameter = lsm.pave(64, 8.0, 1, corner_radius=0.08, gap=0.02)
+        shapes, _, diameter = lsm.voronoi_packing(64, 8.0, 1, corner_radius=0.08, gap=0.02)
         kind = rng.integers(0, len(shapes), 2 * PAIRS)
         diameter = diameter[kind]
-        turned = {"angle": rng.uniform(0, 2 * np.pi, 2 * PAIRS)}
+        orientations = {"angle": rng.uniform(0, 2 * np.pi, 2 * PAIRS)}
     else:
         shapes = lsm.random_angular_polyhedra(6, 3)
         kind = rng.integers(0, len(shapes), 2 * PAIRS)
         diameter = np.ones(2 * PAIRS)
-        turned = {"orientation": lsm.random_rotations(rng, 2 * PAIRS, 3)}
+        orientations = {"orientation": lsm.random_rotations(rng, 2 * PAIRS, 3)}
     reach = np.array([s.bounding_radius for s in shapes])[kind] * diameter
     place = np.zeros((2 * PAIRS, dim))
     place[::2, 1] = place[1::2, 1] = 10.0 * np.arange(PAIRS)
@@ -29,23 +29,30 @@ def pairs_on_course(dim, rng):
     place[1::2, 1] += rng.uniform(-0.6, 0.6, PAIRS) if dim == 2 else rng.uniform(-0.4, 0.4, PAIRS)
     velocity = np.zeros((2 * PAIRS, dim))
     velocity[::2, 0], velocity[1::2, 0] = 0.3, -0.3
-    motion = {"velocity": velocity, "spin": rng.normal(0, 0.3, (2 * PAIRS, 1 if dim == 2 else 3))}
-    return {"position": place, "shapes": shapes, "shape": kind, "scale": diameter, **motion, **turned}
+    motion = {"velocity": velocity, "angular_velocity": rng.normal(0, 0.3, (2 * PAIRS, 1 if dim == 2 else 3))}
+    return {"position": place, "shapes": shapes, "shape_index": kind, "diameter": diameter, **motion, **orientations}
 
 
 def collisions(dim, integrator, dt=1e-3, time=4.0):
     """Relative energy error (m,) of the pairs that met and parted."""
     arguments = pairs_on_course(dim, np.random.default_rng(3))
-    laws = [lsm.LinearElastic(STIFFNESS)]
+    effects = [lsm.LinearElastic(STIFFNESS)]
     scene = scenes.scene(
-        effects=laws, density=1.0, thickness=1.0, integrator=integrator, dt=dt, skin=0.1, ledger=False, **arguments
+        effects=effects,
+        density=1.0,
+        thickness=1.0,
+        integrator=integrator,
+        dt=dt,
+        skin=0.1,
+        track_dissipation=False,
+        **arguments,
     )
     sim = scenes.simulate(scene)
     mass, inertia = scene.masses()
     velocity = arguments["velocity"]
 
     def energy():
-        v, omega = sim.state.velocity.to_numpy(), sim.state.spin.to_numpy()
+        v, omega = sim.state.velocity.to_numpy(), sim.state.angular_velocity.to_numpy()
         own = sim.state.angular_momentum.to_numpy() if dim == 3 else inertia * omega
         each = 0.5 * mass * (v**2).sum(axis=1) + 0.5 * (own * omega).sum(axis=1)
         return each[::2] + each[1::2]
@@ -81,8 +88,8 @@ def test_head_on_collision_converges_at_fourth_order():
             errors.append((sim.state.velocity.to_numpy() ** 2).sum() / 0.18 - 1.0)
         return np.sqrt(np.mean(np.square(errors)))
 
-    laws = [lsm.LinearElastic(STIFFNESS)]
-    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (1.02, 0.0)], laws, density=1.0, thickness=1.0, dt=1e-3))
+    effects = [lsm.LinearElastic(STIFFNESS)]
+    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (1.02, 0.0)], effects, density=1.0, thickness=1.0, dt=1e-3))
     coarse, fine = error(25), error(100)
     assert np.log(coarse / fine) / np.log(4.0) > 3.4
     assert fine < scenes.tolerance(1e-7)
@@ -90,10 +97,17 @@ def test_head_on_collision_converges_at_fourth_order():
 
 def test_shadow_energy_of_an_oscillation_is_flatter_than_the_energy():
     """Two grains in lasting contact, pressed by a third: the energy ripples, the shadow energy hardly moves."""
-    laws = [lsm.LinearElastic(STIFFNESS), lsm.Gravity((-1.0, 0.0))]
+    effects = [lsm.LinearElastic(STIFFNESS), lsm.Gravity((-1.0, 0.0))]
     platens = [lsm.Platen("floor", [lsm.Fixed(), lsm.Fixed()])]
     scene = scenes.scene(
-        [(0.0, 0.0), (0.999, 0.0)], laws, density=1.0, thickness=1.0, platen=[0, -1], platens=platens, area=1.0, dt=1e-3
+        [(0.0, 0.0), (0.999, 0.0)],
+        effects,
+        density=1.0,
+        thickness=1.0,
+        platen_index=[0, -1],
+        platens=platens,
+        area=1.0,
+        dt=1e-3,
     )
     sim = scenes.simulate(scene)
     shadow = lsm.ShadowEnergy(sim)

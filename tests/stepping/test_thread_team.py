@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_lsm.core.runtime import allocating, ti
-from taichi_lsm.stepping.thread_team import SPREAD, Crew
+from taichi_lsm.stepping.thread_team import SPREAD, ThreadTeam
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
@@ -16,7 +16,7 @@ class Roll:
     """Counts how often each grain was worked on at each stage, and by whom a stage for one thread was done."""
 
     def __init__(self, size):
-        self.crew = Crew(size, STAGES + 1)
+        self.crew = ThreadTeam(size, STAGES + 1)
         self.row_start = ti.field(ti.i32, GRAINS + 1)
         self.worked = ti.field(ti.i32, (STAGES, GRAINS))
         self.alone = ti.field(ti.i32, size)

@@ -9,7 +9,7 @@ from pathlib import Path
 import taichi_lsm
 
 PACKAGE = Path(taichi_lsm.__file__).parent
-USED = {"__init__", "base", "linear_elastic", "coulomb_friction", "viscous_damping", "transport"}
+USED = {"__init__", "base", "linear_elastic", "coulomb_friction", "viscous_damping", "tangential_spring"}
 SCENE = """
 import hashlib
 import numpy as np
@@ -19,8 +19,9 @@ from taichi_lsm.effects import find_effects
 assert len(find_effects()) LAWS
 rng = np.random.default_rng(0)
 scene = lsm.Scene(
-    dim=2, lengths=(6.0, 6.0), periodic=(True, True), shapes=[lsm.disc()], shape=np.zeros(36, int),
-    position=np.stack(np.divmod(np.arange(36), 6), axis=1) + 0.5 + rng.uniform(-0.1, 0.1, (36, 2)), scale=np.ones(36),
+    dim=2, lengths=(6.0, 6.0), periodic=(True, True), shapes=[lsm.disc()], shape_index=np.zeros(36, int),
+    position=np.stack(np.divmod(np.arange(36), 6), axis=1) + 0.5 + rng.uniform(-0.1, 0.1, (36, 2)),
+    diameter=np.ones(36),
     density=1000.0, velocity=rng.normal(size=(36, 2)),
     effects=[lsm.LinearElastic(1e5), lsm.ViscousDamping(restitution=0.5), lsm.CoulombFriction(0.5, 5e4)],
 )
@@ -32,10 +33,10 @@ ti.reset()
 """
 
 
-def compiled(root, laws, cache):
+def compiled(root, effects, cache):
     """(digest of the run, names of the kernels compiled) of the package under `root`."""
     environment = os.environ | {"PYTHONPATH": str(root), "TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
-    command = [sys.executable, "-c", SCENE.replace("LAWS", laws)]
+    command = [sys.executable, "-c", SCENE.replace("LAWS", effects)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=root, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout, sorted(file.name for file in cache.rglob("*") if file.suffix in (".tic", ".ll", ".bc"))

@@ -17,9 +17,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BaseModel, Field, model_validator
 
 from taichi_lsm.core.errors import InputError, SimulationError
-from workflows import signals
+from workflows.cli import signals
 from workflows.common.parameters import Params as BaseParams
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 
 
 class Law(BaseModel, extra="forbid"):
@@ -37,7 +37,7 @@ class Params(BaseParams):
     time_step: float | None = Field(1e-3, gt=0, description="time step [s]")
     rough: bool = Field(True, description="rough platens")
     note: str = Field("", description="free text")
-    laws: list[Law] = Field([], description="force laws")
+    effects: list[Law] = Field([], description="force laws")
     act: str = Field("finish", description="what to do")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -76,7 +76,7 @@ def run(params, out, progress=None):
     if progress:
         progress({"strain": 0.5, "strain_total": 1.0, "friction": 0.31})
     (out / "process").write_text(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')}")
-    figures = {"seed": Figure(params.seed, "1"), "stress": Figure(params.normal_stress, "Pa", 2e6, True)}
+    figures = {"seed": Metric(params.seed, "1"), "stress": Metric(params.normal_stress, "Pa", 2e6, True)}
     write_summary(out, "toy-run", params.preset_name, figures, quiet=progress is None)
 '''
 

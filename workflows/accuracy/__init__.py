@@ -1,8 +1,8 @@
 """Choices that trade accuracy for time, and the trials that measure both.
 
-A module of this package has functions that measure some knobs and return Trials. Each is called in a process of its
-own, beside which nothing else runs where costs are timed: costs are times of a core, taken in turn, as medians. Errors
-are taken against a closed form, or against a reference that the same call computes with the most accurate setting.
+A module of this package has functions that measure some parameters and return Trials. Each is called in a process
+of its own, beside which nothing else runs where costs are timed: costs are times of a core, taken in turn, as medians.
+Errors are taken against a closed form, or a reference that the same call computes with the most accurate setting.
 """
 
 import time
@@ -13,15 +13,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Trial:
-    """One measurement of one setting of a knob.
+    """One measurement of one setting of a parameter.
 
-    knob, setting: names; value: the setting as a number on an axis; quantity: what the error is of; replica: which of
-    several measurements; error [in the unit of the quantity]: absolute deviation from the reference, or a standard
-    error; cost [s]: time of one core for a second of the physical time of one grain, or for a unit of strain of a
-    layer; relative [1]: that over the cost of our own discs at the default settings.
+    parameter, setting: names; value: the setting as a number on an axis; quantity: what the error is of; replica:
+    which of several measurements; error [in the unit of the quantity]: absolute deviation from the reference, or a
+    standard error; cost [s]: time of one core for a second of the physical time of one grain, or for a unit of strain
+    of a layer; relative [1]: that over the cost of our own discs at the default settings.
     """
 
-    knob: str
+    parameter: str
     setting: str
     value: float
     quantity: str

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAST_ORDER = 0.3  # in the value of the knob: an error that changes more slowly is not worth the knob
-LEAST_GROWTH = 0.02  # of the cost, likewise: a knob that costs less is free
+LEAST_ORDER = 0.3  # in the value of the parameter: an error that changes more slowly is not worth the parameter
+LEAST_GROWTH = 0.02  # of the cost, likewise: a parameter that costs less is free
 
 
 @dataclass(frozen=True)
 class Curve:
     """One line of a work-precision diagram: root mean square errors, with standard errors, over relative costs."""
 
-    knob: str
+    parameter: str
     quantity: str
     value: np.ndarray
     setting: list
@@ -55,10 +55,10 @@ class Curve:
 
 
 def curves(trials):
-    """{(knob, quantity): Curve} with the settings in rising value."""
+    """{(parameter, quantity): Curve} with the settings in rising value."""
     found = {}
-    for key in dict.fromkeys((t.knob, t.quantity) for t in trials):
-        own = [t for t in trials if (t.knob, t.quantity) == key]
+    for key in dict.fromkeys((t.parameter, t.quantity) for t in trials):
+        own = [t for t in trials if (t.parameter, t.quantity) == key]
         values = sorted({t.value for t in own})
         rows = []
         for value in values:

@@ -32,8 +32,8 @@ def gas(params, scheme, per_contact, seed, body="arcs", dt=None):
         place = np.stack(np.divmod(np.arange(params.gas_grains), rows), axis=1) + 0.5
         jitter = np.random.default_rng(seed).uniform(-0.02, 0.02, place.shape)
         scene.position = (place + jitter) * scene.lengths[0] / rows
-        scene.shapes, scene.shape = [lsm.disc()], np.zeros(params.gas_grains, np.int32)
-        scene.scale = np.full(params.gas_grains, DISC * scene.lengths[0] / rows)
+        scene.shapes, scene.shape_index = [lsm.disc()], np.zeros(params.gas_grains, np.int32)
+        scene.diameter = np.full(params.gas_grains, DISC * scene.lengths[0] / rows)
     if dt == "default":
         scene.dt = None
     return scene
@@ -79,9 +79,9 @@ def measure_gas(params, group):
             for replica in range(params.replicas):
                 sims[scheme].load(gas(params, scheme, n, params.seed + replica))
                 error = drift(sims[scheme], params.contacts, n)
-                knob = scheme if params.precision == "f64" else f"{scheme}, f32"
+                parameter = scheme if params.precision == "f64" else f"{scheme}, f32"
                 relative = cost[scheme] * n / (cost["discs"] * usual)
-                where = (knob, f"{n} steps per contact", n, "energy drift of a gas", replica)
+                where = (parameter, f"{n} steps per contact", n, "energy drift of a gas", replica)
                 trials.append(Trial(*where, error, cost[scheme] * n, relative))
     return trials
 
@@ -92,7 +92,7 @@ def measure_lists(params):
     sim, usual = reference(params)
     scenes = {skin: gas(params, "onset_verlet", 48, params.seed, "discs") for skin in SKINS}
     for skin, scene in scenes.items():
-        scene.skin = skin * float(np.mean(scene.scale))
+        scene.skin = skin * float(np.mean(scene.diameter))
     taken = {skin: [] for skin in SKINS}
     for turn in range(params.turns + 1):
         for skin, scene in scenes.items():

@@ -13,7 +13,7 @@ from workflows.common.parameters import to_toml
 from workflows.shape_roughness import rate_of
 
 LAYER = {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}  # whose settings are changed one at a time
-KNOBS = {  # settings; the last one is the reference, the most accurate or, of the platens, the usual one
+PARAMETERS = {  # settings; the last one is the reference, the most accurate or, of the platens, the usual one
     "stiffness_number": (300.0, 1000.0, 3000.0, 10_000.0),
     "inertial_number": (1e-2, 5e-3, 2.5e-3, 1.25e-3),
     "layer_thickness": (8.0, 12.0, 18.0, 27.0),
@@ -30,19 +30,19 @@ def layer(params, shape, seed, **changes):
     return shear_gouge.Params(**LAYER | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
 
 
-def jobs_of(params, shape, knobs, out):
-    """{(knob, setting, seed): job} of all runs, in turn: settings change first. Those that are settings of the base
-    layer share its runs."""
+def jobs_of(params, shape, parameters, out):
+    """{(parameter, setting, seed): job} of all runs, in turn: settings change first. Those of the base layer
+    share its runs."""
     base = layer(params, shape, params.seed)
     jobs = {}
     for seed in seeds_of(params):
-        for knob in knobs:
-            for setting in KNOBS[knob][-params.most_settings :]:
-                same = getattr(base, knob) == setting
-                label = f"{shape}-base-{seed}" if same else f"{shape}-{knob}-{setting:g}-{seed}"
-                changes = {} if same else {knob: setting}
+        for parameter in parameters:
+            for setting in PARAMETERS[parameter][-params.most_settings :]:
+                same = getattr(base, parameter) == setting
+                label = f"{shape}-base-{seed}" if same else f"{shape}-{parameter}-{setting:g}-{seed}"
+                changes = {} if same else {parameter: setting}
                 of_run = layer(params, shape, seed, **changes)
-                jobs[knob, setting, seed] = (label, shear_gouge.__name__, of_run, Path(out) / label)
+                jobs[parameter, setting, seed] = (label, shear_gouge.__name__, of_run, Path(out) / label)
     return jobs
 
 
@@ -76,33 +76,33 @@ def measured(folder, of_run):
     }
 
 
-def measure_knobs(params, shape, knobs, out, usual):
-    """(trials, {(knob, setting, seed): measured}, usual) of these knobs; usual [s]: cost of the layer of discs, None if
-    it is to be found here."""
-    jobs = jobs_of(params, shape, knobs, out)
+def measure_parameters(params, shape, parameters, out, usual):
+    """(trials, {(parameter, setting, seed): measured}, usual) of these parameters; usual [s]: cost of the layer of
+    discs, None if it is to be found here."""
+    jobs = jobs_of(params, shape, parameters, out)
     run_missing(list({job[0]: job for job in jobs.values()}.values()), 1)  # they are timed
     found = {key: measured(Path(job[3]), job[2]) for key, job in jobs.items()}
     base = layer(params, shape, params.seed)
     cost = costs_of(found)
     if usual is None:
-        usual = next(c for (knob, s), c in cost.items() if s == getattr(base, knob))
+        usual = next(c for (parameter, s), c in cost.items() if s == getattr(base, parameter))
     trials = []
-    for knob in knobs:
-        settings = KNOBS[knob][-params.most_settings :]
+    for parameter in parameters:
+        settings = PARAMETERS[parameter][-params.most_settings :]
         for quantity in QUANTITIES:
-            of_last = [found[knob, settings[-1], seed][quantity] for seed in seeds_of(params)]
+            of_last = [found[parameter, settings[-1], seed][quantity] for seed in seeds_of(params)]
             for setting in settings:
-                of_knob = cost[knob, setting]
+                of_parameter = cost[parameter, setting]
                 for replica, seed in enumerate(seeds_of(params)):
-                    error = abs(found[knob, setting, seed][quantity] - float(np.mean(of_last)))
-                    where = (f"{knob}, {shape}", f"{setting:g}", setting, quantity, replica)
-                    trials.append(Trial(*where, error, of_knob, of_knob / usual))
+                    error = abs(found[parameter, setting, seed][quantity] - float(np.mean(of_last)))
+                    where = (f"{parameter}, {shape}", f"{setting:g}", setting, quantity, replica)
+                    trials.append(Trial(*where, error, of_parameter, of_parameter / usual))
     return trials, found, usual
 
 
 def costs_of(found):
-    """{(knob, setting): median over the seeds of what a unit of strain costs [s]}."""
-    keys = dict.fromkeys((knob, setting) for knob, setting, _ in found)
+    """{(parameter, setting): median over the seeds of what a unit of strain costs [s]}."""
+    keys = dict.fromkeys((parameter, setting) for parameter, setting, _ in found)
     return {key: float(np.median([m["cost"] for k, m in found.items() if k[:2] == key])) for key in keys}
 
 
@@ -113,9 +113,9 @@ def of_steps(params, found):
     one the difference from the shortest is the bias, or its standard error where that is more.
     """
     base, seeds = shear_gouge.Params().step_safety, seeds_of(params)
-    if ("step_safety", KNOBS["step_safety"][0], params.seed) not in found:
+    if ("step_safety", PARAMETERS["step_safety"][0], params.seed) not in found:
         return {"bias_of_step": {f"{base:g}": 0.0}, "cost_of_step": {f"{base:g}": 1.0}}
-    coarse, finest = KNOBS["step_safety"][0], KNOBS["step_safety"][-1]
+    coarse, finest = PARAMETERS["step_safety"][0], PARAMETERS["step_safety"][-1]
     means = {s: np.array([found["step_safety", s, seed]["friction"] for seed in seeds]) for s in (coarse, finest)}
     apart = abs(float(means[coarse].mean() - means[finest].mean()))
     error = float(np.sqrt(sum(m.var(ddof=1) for m in means.values()) / len(seeds)))
@@ -213,7 +213,7 @@ def row_of_table(of_run, folders, series, cost):
     area = thickness * np.prod(lengths) / of_run.diameter ** (1 + len(lengths))
     dataset = lsm.open_run(folders[0] / "grains.nc")
     grains = int((dataset.kind.values == 0).sum())
-    seconds = [json.loads((f / "summary.json").read_text())["figures"]["seconds"]["value"] for f in folders]
+    seconds = [json.loads((f / "summary.json").read_text())["metrics"]["seconds"]["value"] for f in folders]
     return {
         "shape": of_run.shape,
         "dim": of_run.dim,

@@ -30,9 +30,9 @@ def layer_cost(params, shapes):
     """(seconds for one grain and step, step over the inertial time, friction) of a sheared layer of these shapes."""
     of_run = shear_gouge.Params(shape="angular", seed=params.seed, **LAYER)
     scene = shear_gouge.build(of_run)
-    mobile = scene.platen < 0
+    mobile = scene.platen_index < 0
     scene.shapes = [scene.shapes[0], *shapes]
-    scene.shape = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
+    scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
     with tempfile.TemporaryDirectory() as out:
         dataset = shear_gouge.simulate(scene, of_run, out)
         friction = shear_gouge.analyse(dataset, of_run)["friction_mean"].value
@@ -99,7 +99,9 @@ def measure_impacts(params):
             else:
                 sim.load(scene)
             sim.run(int(0.8 / (SPEED * sim.dt)))
-            ends.append(np.concatenate([sim.state.velocity.to_numpy().ravel(), sim.state.spin.to_numpy().ravel()]))
+            ends.append(
+                np.concatenate([sim.state.velocity.to_numpy().ravel(), sim.state.angular_velocity.to_numpy().ravel()])
+            )
         results[count] = np.array(ends)
     for count in PATCHES:
         off = (results[count] - results[MOST_PATCHES]) / SPEED
@@ -130,7 +132,10 @@ def gas_of(shape, seed):
     pitch = 2.02 * shape.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(count), STARS), axis=1)
     cell = {"lengths": (pitch * STARS,) * 2, "periodic": (True, True), "shapes": [shape]}
-    motion = {"velocity": rng.normal(0.0, 0.1 * SPEED, (count, 2)), "spin": rng.normal(0.0, 0.1 * SPEED, (count, 1))}
+    motion = {
+        "velocity": rng.normal(0.0, 0.1 * SPEED, (count, 2)),
+        "angular_velocity": rng.normal(0.0, 0.1 * SPEED, (count, 1)),
+    }
     return scene_of(place, [lsm.LinearElastic(STIFFNESS)], angle=rng.uniform(0.0, 6.0, count), **cell, **motion)
 
 

@@ -7,9 +7,9 @@ from workflows.accuracy.trials_file import read_trials
 
 
 def lines_of(trials):
-    """For each quantity [1] and knob the order in the value of the knob, then a line for each setting."""
+    """For each quantity [1] and parameter the order in the value of the parameter, then a line for each setting."""
     for curve in curves(trials).values():
-        yield f"{curve.quantity}; {curve.knob}: order {curve.order():.2f}"
+        yield f"{curve.quantity}; {curve.parameter}: order {curve.order():.2f}"
         rows = zip(curve.setting, curve.error, curve.error_se, curve.relative)
         yield from (f"  {s:22s} error {e:.3g} +- {se:.1g}, time {cost:.3g}" for s, e, se, cost in rows)
 

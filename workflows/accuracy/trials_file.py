@@ -1,4 +1,4 @@
-"""accuracy.nc: errors and costs of all trials, by quantity, knob, setting and replica."""
+"""accuracy.nc: errors and costs of all trials, by quantity, parameter, setting and replica."""
 
 import os
 from datetime import UTC, datetime
@@ -10,10 +10,14 @@ import taichi_lsm as lsm
 from workflows.accuracy import Trial
 
 VARIABLES = {
-    "value": (("knob", "setting"), "1", "setting as a number, in the unit of the knob"),
-    "error": (("quantity", "knob", "setting", "replica"), "1", "deviation from the reference, or standard error"),
-    "cost": (("quantity", "knob", "setting"), "s", "core time of a second of a grain; of layers: of a unit of strain"),
-    "relative_cost": (("quantity", "knob", "setting"), "1", "cost over that of discs at the default settings"),
+    "value": (("parameter", "setting"), "1", "setting as a number, in the unit of the parameter"),
+    "error": (("quantity", "parameter", "setting", "replica"), "1", "deviation from the reference, or standard error"),
+    "cost": (
+        ("quantity", "parameter", "setting"),
+        "s",
+        "core time of a second of a grain; of layers: of a unit of strain",
+    ),
+    "relative_cost": (("quantity", "parameter", "setting"), "1", "cost over that of discs at the default settings"),
 }
 
 
@@ -22,18 +26,20 @@ def write_trials(path, trials, attributes):
     that were not measured are NaN."""
     import xarray
 
-    names = {name: list(dict.fromkeys(getattr(t, name) for t in trials)) for name in ("quantity", "knob")}
-    settings = {knob: sorted({t.value for t in trials if t.knob == knob}) for knob in names["knob"]}
-    labels = {(t.knob, t.value): t.setting for t in trials}
+    names = {name: list(dict.fromkeys(getattr(t, name) for t in trials)) for name in ("quantity", "parameter")}
+    settings = {
+        parameter: sorted({t.value for t in trials if t.parameter == parameter}) for parameter in names["parameter"]
+    }
+    labels = {(t.parameter, t.value): t.setting for t in trials}
     sizes = {name: len(texts) for name, texts in names.items()}
     sizes["setting"] = max(len(values) for values in settings.values())
     sizes["replica"] = 1 + max(t.replica for t in trials)
     arrays = {name: np.full([sizes[d] for d in dims], np.nan) for name, (dims, _, _) in VARIABLES.items()}
-    texts = np.full((sizes["knob"], sizes["setting"]), "", dtype=object)
+    texts = np.full((sizes["parameter"], sizes["setting"]), "", dtype=object)
     for t in trials:
-        q, k = names["quantity"].index(t.quantity), names["knob"].index(t.knob)
-        s = settings[t.knob].index(t.value)
-        texts[k, s], arrays["value"][k, s] = labels[t.knob, t.value], t.value
+        q, k = names["quantity"].index(t.quantity), names["parameter"].index(t.parameter)
+        s = settings[t.parameter].index(t.value)
+        texts[k, s], arrays["value"][k, s] = labels[t.parameter, t.value], t.value
         arrays["error"][q, k, s, t.replica] = t.error
         arrays["cost"][q, k, s], arrays["relative_cost"][q, k, s] = t.cost, t.relative
     data = {
@@ -44,7 +50,7 @@ def write_trials(path, trials, attributes):
         f"{name}_name": ((name,), np.array(texts_of, dtype=object), {"long_name": f"name of the {name}"})
         for name, texts_of in names.items()
     }
-    coordinates["setting_name"] = (("knob", "setting"), texts, {"long_name": "name of the setting"})
+    coordinates["setting_name"] = (("parameter", "setting"), texts, {"long_name": "name of the setting"})
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     dataset = xarray.Dataset(data, coordinates, attributes | {"run_status": "complete", "date_modified": now})
     partial = Path(path).with_suffix(".partial")
@@ -56,10 +62,10 @@ def write_trials(path, trials, attributes):
 def read_trials(path):
     """The trials of accuracy.nc, as they were written but for their order."""
     table = lsm.open_run(path)
-    quantities, knobs = table.quantity_name.values, table.knob_name.values
+    quantities, parameters = table.quantity_name.values, table.parameter_name.values
     trials = []
     for q, k, s, r in np.argwhere(~np.isnan(table.error.values)):
-        where = (str(knobs[k]), str(table.setting_name.values[k, s]), float(table.value.values[k, s]))
+        where = (str(parameters[k]), str(table.setting_name.values[k, s]), float(table.value.values[k, s]))
         costs = float(table.cost.values[q, k, s]), float(table.relative_cost.values[q, k, s])
         trials.append(Trial(*where, str(quantities[q]), int(r), float(table.error.values[q, k, s, r]), *costs))
     return trials

@@ -41,7 +41,7 @@ def workflow_files() -> list[Path]:
         return found
     for path in sorted(folder.glob("*.py")):
         if is_workflow(path):
-            if (HERE / path.name).exists():
+            if (HERE / path.name).exists() or (HERE / path.stem).is_dir():
                 raise DiscoveryError(f"{path}: the name {path.stem} is taken by lsm itself. Rename the file.")
             found.append(path)
     return found

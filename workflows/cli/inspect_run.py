@@ -39,18 +39,18 @@ def print_effects() -> int:
     import taichi_lsm as lsm
 
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
-    for name, law in lsm.find_effects().items():
-        case = law.cases()[0]
-        print(f"{name}: {first_line(law)}")
-        print(f"  equation    {law.equation}")
-        print(f"  phase       {law.phase}")
-        for field in dataclasses.fields(law):
+    for name, effect in lsm.find_effects().items():
+        case = effect.cases()[0]
+        print(f"{name}: {first_line(effect)}")
+        print(f"  equation    {effect.equation}")
+        print(f"  phase       {effect.phase}")
+        for field in dataclasses.fields(effect):
             given = "" if field.default is dataclasses.MISSING else f", default {field.default}"
-            print(f"  parameter   {field.name} [{law.units.get(field.name, '?')}]{given}")
+            print(f"  parameter   {field.name} [{effect.units.get(field.name, '?')}]{given}")
         for value in case.history:
             sizes = " or ".join(f"{8 * value.size(dim)} bytes in {dim}D" for dim in (2, 3))
             print(f"  remembers   {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
-        cost = saved["laws"].get(name)
+        cost = saved["effects"].get(name)
         if cost:
             print(
                 f"  cost        {cost['added_ns']:.1f} ns per grain and step, {cost['added_bytes_per_grain']} bytes "

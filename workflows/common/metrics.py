@@ -13,7 +13,7 @@ FILE = "summary.json"
 
 
 @dataclass(frozen=True)
-class Figure:
+class Metric:
     """One figure: value in `unit` ("1" for a pure number, None if it could not be computed).
 
     bound and holds are given together, and only where something is claimed: bound is the limit (a number in
@@ -43,13 +43,13 @@ def _number(value):
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_summary(out, workflow: str, preset: str | None, figures: dict[str, Figure], quiet: bool = False) -> dict:
+def write_summary(out, workflow: str, preset: str | None, metrics: dict[str, Metric], quiet: bool = False) -> dict:
     """Write `out`/summary.json and print the same as a table; returns what was written.
 
     preset: `params.preset_name`. quiet: write only (a workflow passes `progress is None`).
     """
-    entries = {name: figure.as_dict() for name, figure in figures.items()}
-    summary = {"workflow": workflow, "preset": preset, "figures": entries}
+    entries = {name: figure.as_dict() for name, figure in metrics.items()}
+    summary = {"workflow": workflow, "preset": preset, "metrics": entries}
     path = Path(out) / FILE
     partial = path.with_name(FILE + ".partial")
     partial.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
@@ -62,7 +62,7 @@ def write_summary(out, workflow: str, preset: str | None, figures: dict[str, Fig
 def print_summary(summary: dict, console: Console | None = None) -> None:
     """Print the figures: a rich table in a terminal, else one plain aligned line each."""
     console = console or Console()
-    rows = [(name, *_cells(entry)) for name, entry in summary["figures"].items()]
+    rows = [(name, *_cells(entry)) for name, entry in summary["metrics"].items()]
     title = summary["workflow"] + (f", preset {summary['preset']}" if summary["preset"] else "")
     if console.is_terminal:
         table = Table("figure", "value", "unit", "claimed", "", title=title)

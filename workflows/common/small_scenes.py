@@ -5,7 +5,7 @@ import numpy as np
 import taichi_lsm as lsm
 
 
-def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None, periodic=None, **more):
+def scene_of(position, effects, *, shapes=None, shape_index=0, diameter=1.0, lengths=None, periodic=None, **more):
     """Scene of grains at `position` (n, dim) [m], in open space unless told otherwise; discs or spheres of 1 m."""
     position = np.asarray(position, float)
     n, dim = position.shape
@@ -14,9 +14,9 @@ def scene_of(position, effects, *, shapes=None, shape=0, scale=1.0, lengths=None
         lengths=lengths or (np.inf,) * dim,
         periodic=periodic or (False,) * dim,
         shapes=shapes or [lsm.disc() if dim == 2 else lsm.sphere()],
-        shape=np.broadcast_to(shape, n).copy(),
+        shape_index=np.broadcast_to(shape_index, n).copy(),
         position=position,
-        scale=np.broadcast_to(scale, n).astype(float),
+        diameter=np.broadcast_to(diameter, n).astype(float),
         density=more.pop("density", 1000.0),
         effects=effects,
         **more,

@@ -41,7 +41,7 @@ def breakable_grains(p, rng, count, lengths, shapes):
     return shapes, shape.ravel(), loose.reshape(-1, 2), scale.ravel(), turns, top, bonds
 
 
-def turned(turns, glued):
+def initial_orientations(turns, glued):
     """Orientations of the mobile grains as given, of the glued ones none, by the name that `Scene` uses."""
     if turns.ndim == 1:
         return {"angle": np.concatenate([turns, np.zeros(glued)])}

@@ -97,5 +97,5 @@ def reached(row, params, means, errors, step):
     """
     count = len(means)
     within = float(np.mean(np.square(errors))) + row["between_seeds"] * row["area"] / area_of(params)
-    seen = float(np.var(means, ddof=1)) if count > 2 else 0.0
-    return float(CAUTION * NORMAL * np.sqrt(max(within, seen) / count) + row["bias_of_step"][step])
+    make_contact = float(np.var(means, ddof=1)) if count > 2 else 0.0
+    return float(CAUTION * NORMAL * np.sqrt(max(within, make_contact) / count) + row["bias_of_step"][step])

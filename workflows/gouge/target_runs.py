@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import write_runs
@@ -48,8 +48,8 @@ def run_to_target(params, out, progress, workflow, analyse):
     rows, steps = [], []
     for label, of_run in runs.items():
         dataset = lsm.open_run(out / "runs" / label / "run.nc")
-        figures = analyse(dataset, of_run)
-        means = {name: float(figures[name].value) for name in ("friction_mean", "friction_se")}
+        metrics = analyse(dataset, of_run)
+        means = {name: float(metrics[name].value) for name in ("friction_mean", "friction_se")}
         rows.append({"seed": of_run.seed, "path": f"runs/{label}", **means})
         steps.append(dataset.dt)
     table = write_runs(
@@ -65,15 +65,15 @@ def run_to_target(params, out, progress, workflow, analyse):
     )
     means, errors = ([r[name] for r in rows] for name in ("friction_mean", "friction_se"))
     error = target_error.reached(row, params, means, errors, f"{plan.step_safety:g}")
-    figures = {
-        "friction_mean": Figure(float(np.mean(means)), "1"),
-        "friction_error": Figure(error, "1", params.target_error, error <= params.target_error),
-        "expected_error": Figure(plan.expected_error, "1"),
-        "seeds": Figure(plan.seeds, "1"),
-        "strain": Figure(plan.strain, "1"),
-        "step_safety": Figure(plan.step_safety, "1"),
-        "expected_seconds": Figure(plan.expected_seconds, "s"),
-        "seconds": Figure(time.perf_counter() - began, "s"),
+    metrics = {
+        "friction_mean": Metric(float(np.mean(means)), "1"),
+        "friction_error": Metric(error, "1", params.target_error, error <= params.target_error),
+        "expected_error": Metric(plan.expected_error, "1"),
+        "seeds": Metric(plan.seeds, "1"),
+        "strain": Metric(plan.strain, "1"),
+        "step_safety": Metric(plan.step_safety, "1"),
+        "expected_seconds": Metric(plan.expected_seconds, "s"),
+        "seconds": Metric(time.perf_counter() - began, "s"),
     }
-    write_summary(out, "shear-gouge", params.preset_name, figures, quiet=progress is None)
+    write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return table

@@ -77,13 +77,13 @@ class Bench:
     def simulate(self, scene):
         """A simulation at the start of `scene`; the last one of the same make-up must no longer be used."""
         scene.guards = replace(scene.guards, **self.off)
-        make_up = None if scene.platens else lsm.MakeUp.of(scene)
-        if make_up in self._made:
-            self._made[make_up].load(scene)
-            return self._made[make_up]
+        kernel_spec = None if scene.platens else lsm.KernelSpec.of(scene)
+        if kernel_spec in self._made:
+            self._made[kernel_spec].load(scene)
+            return self._made[kernel_spec]
         sim = lsm.Simulation(scene, precision=self.precision)
-        if make_up is not None:
-            self._made[make_up] = sim
+        if kernel_spec is not None:
+            self._made[kernel_spec] = sim
         return sim
 
 

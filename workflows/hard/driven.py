@@ -26,7 +26,7 @@ WAY = 1e-5  # [m], of a cycle
 INERTIA = 2e4  # [kg], of the driven platen of the layer
 
 
-def laws(friction=0.5, stiffness=STIFFNESS):
+def effects_of(friction=0.5, stiffness=STIFFNESS):
     """The laws of a grain in gouge."""
     return [
         lsm.LinearElastic(stiffness),
@@ -49,7 +49,12 @@ def presses():
     platens = [lsm.Platen("base", [lsm.Fixed(), lsm.Fixed()])]
     platens += [lsm.Platen(name, [lsm.Fixed(), drive]) for name, drive in zip(PRESSES, drives, strict=True)]
     return scene_of(
-        np.concatenate(position), laws(), platen=np.concatenate(platen), platens=platens, area=float(GLUED), dt=2e-3
+        np.concatenate(position),
+        effects_of(),
+        platen_index=np.concatenate(platen),
+        platens=platens,
+        area=float(GLUED),
+        dt=2e-3,
     )
 
 
@@ -106,8 +111,8 @@ def column():
     ]
     return scene_of(
         position,
-        [*laws(stiffness=stiffness), lsm.Gravity((0.0, -G))],
-        platen=np.where(row == ROWS, 0, -1),
+        [*effects_of(stiffness=stiffness), lsm.Gravity((0.0, -G))],
+        platen_index=np.where(row == ROWS, 0, -1),
         platens=[lsm.Platen("press", [lsm.Fixed(), servo])],
         walls=walls,
         area=1.0,
@@ -196,15 +201,15 @@ def layer():
     dt = 2e-3
     return scene_of(
         position,
-        laws(),
+        effects_of(),
         shapes=[lsm.disc(), *lsm.random_angular_shapes(8, 6)],
-        shape=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
-        scale=np.where(mobile, rng.uniform(0.75, 0.85, len(position)), 0.8),
+        shape_index=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
+        diameter=np.where(mobile, rng.uniform(0.75, 0.85, len(position)), 0.8),
         angle=rng.uniform(0.0, 6.0, len(position)),
         velocity=0.3 * rng.standard_normal(position.shape) * mobile[:, None],
         lengths=(pitch * columns, np.inf),
         periodic=(True, False),
-        platen=platen,
+        platen_index=platen,
         platens=[
             lsm.Platen("bottom", [lsm.ConstantVelocity(0.0), lsm.Fixed()]),
             lsm.Platen("top", [spring(0.0, INERTIA / dt**2), servo]),

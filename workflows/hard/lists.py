@@ -20,10 +20,10 @@ def gas(offset=0.0, skin=0.1, speed=1.0):
     rng = np.random.default_rng(1)
     place = np.stack(np.divmod(np.arange(ROWS**2), ROWS), axis=1) * (SIDE / ROWS)
     place = place + rng.uniform(-0.05, 0.05, place.shape)
-    laws = [lsm.LinearElastic(STIFFNESS), lsm.CoulombFriction(0.3, 0.5 * STIFFNESS)]
+    effects = [lsm.LinearElastic(STIFFNESS), lsm.CoulombFriction(0.3, 0.5 * STIFFNESS)]
     velocity = rng.normal(0.0, speed, place.shape)
     cell = {"lengths": (SIDE, SIDE), "periodic": (True, True)}
-    return scene_of(np.float64(offset) + place, laws, velocity=velocity, skin=skin, **cell)
+    return scene_of(np.float64(offset) + place, effects, velocity=velocity, skin=skin, **cell)
 
 
 def flown(bench, scene, steps):
@@ -70,7 +70,7 @@ def named_at_start(bench, scene):
 
 def angular_pair(apart):
     """Two equal angular grains, turned alike, `apart` [m]."""
-    shapes = {"shapes": lsm.random_angular_shapes(1, 1), "shape": [0, 0], "angle": np.zeros(2)}
+    shapes = {"shapes": lsm.random_angular_shapes(1, 1), "shape_index": [0, 0], "angle": np.zeros(2)}
     return scene_of([(0.0, 0.0), (apart, 0.0)], [lsm.LinearElastic(STIFFNESS)], **shapes)
 
 
@@ -79,8 +79,8 @@ def scattered(distance):
     rng = np.random.default_rng(2)
     middle = np.repeat(rng.uniform(-distance, distance, (ROWS**2 // 2, 2)), 2, axis=0)
     side = np.tile([(-0.6, 0.0), (0.6, 0.0)], (ROWS**2 // 2, 1))
-    laws = [lsm.LinearElastic(STIFFNESS), lsm.CoulombFriction(0.3, 0.5 * STIFFNESS)]
-    return scene_of(middle + side, laws, velocity=-side)
+    effects = [lsm.LinearElastic(STIFFNESS), lsm.CoulombFriction(0.3, 0.5 * STIFFNESS)]
+    return scene_of(middle + side, effects, velocity=-side)
 
 
 @hard("Collisions spread over a million diameters", "collisions that were missed", 0.0)
@@ -114,6 +114,6 @@ def no_grain(bench):
 def cell_too_small(bench):
     """A grain that meets its neighbour on both sides, or its own image, needs more than the nearest image: a code that
     looks at one loses a contact without a word. The least length is named."""
-    laws = [lsm.LinearElastic(STIFFNESS)]
+    effects = [lsm.LinearElastic(STIFFNESS)]
     cells = ({"lengths": (1.9, 9.0), "periodic": (True, False)}, {"lengths": (9.0, 0.5), "periodic": (False, True)})
-    return float(sum(math.isinf(refused(lambda c=c: scene_of([(0, 0)], laws, **c), "must be >=")) for c in cells))
+    return float(sum(math.isinf(refused(lambda c=c: scene_of([(0, 0)], effects, **c), "must be >=")) for c in cells))

@@ -21,21 +21,25 @@ def box(length, width, corner_radius=0.05):
     return lsm.from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * scale)
 
 
-def turned(shape, angle):
+def rotated_outline(shape, angle):
     """Outline (k, 2) of the shape turned by `angle` [rad]."""
     parts = np.concatenate([part.outline(4000) for part in shape.parts])
     c, s = np.cos(angle), np.sin(angle)
     return parts @ np.array([[c, s], [-s, c]])
 
 
-def impact(shapes, angles, velocity=1.0, height=0.0, spin=(0.0, 0.0), gap=0.01, **more):
+def impact(shapes, angles, velocity=1.0, height=0.0, angular_velocity=(0.0, 0.0), gap=0.01, **more):
     """Two grains that fly at each other along x, the second `height` [m] above the first, `gap` [m] between the lines
     that bound them; velocity [m s-1] of approach."""
-    ahead = turned(shapes[0], angles[0])[:, 0].max() - turned(shapes[1], angles[1])[:, 0].min() + gap
+    ahead = rotated_outline(shapes[0], angles[0])[:, 0].max() - rotated_outline(shapes[1], angles[1])[:, 0].min() + gap
     flight = 0.5 * velocity * np.array([(1.0, 0.0), (-1.0, 0.0)])
-    more = {"effects": [lsm.LinearElastic(STIFFNESS)], "shapes": list(shapes), "shape": [0, 1]} | more
+    more = {"effects": [lsm.LinearElastic(STIFFNESS)], "shapes": list(shapes), "shape_index": [0, 1]} | more
     return scene_of(
-        [(0.0, 0.0), (ahead, height)], angle=np.array(angles), velocity=flight, spin=np.array(spin)[:, None], **more
+        [(0.0, 0.0), (ahead, height)],
+        angle=np.array(angles),
+        velocity=flight,
+        angular_velocity=np.array(angular_velocity)[:, None],
+        **more,
     )
 
 
@@ -47,8 +51,8 @@ def grazing_seams(bench):
     rng, worst = np.random.default_rng(1), 0.0
     for _ in range(bench.steps(40, 4)):
         pair = [shapes[i] for i in rng.integers(0, 8, 2)]
-        spin, height = rng.uniform(5.0, 20.0, 2), rng.uniform(0.6, 0.8)
-        scene = impact(pair, rng.uniform(0.0, 6.0, 2), height=height, spin=spin)
+        angular_velocity, height = rng.uniform(5.0, 20.0, 2), rng.uniform(0.6, 0.8)
+        scene = impact(pair, rng.uniform(0.0, 6.0, 2), height=height, angular_velocity=angular_velocity)
         worst = max(worst, error_of_impact(bench, scene))
     return worst
 
@@ -69,7 +73,7 @@ def parallel_faces_do_not_turn(bench):
     square = box(1.0, 1.0)
     sim = bench.simulate(impact((square, square), (0.0, 0.0)))
     sim.run(4000)
-    return float(np.abs(sim.state.spin.to_numpy()).max())
+    return float(np.abs(sim.state.angular_velocity.to_numpy()).max())
 
 
 @hard("Corner on corner", "relative error of the energy in one impact", 1e-4)
@@ -96,7 +100,7 @@ def needle_tips(bench):
     """A needle hit at its tip spins up, and its other end may come back for a second impact. Its moment of inertia
     makes the contact many times stiffer than that of a disc, which the step has to know."""
     needle = box(10.0, 1.0)
-    half = float(turned(needle, 0.0)[:, 0].max())
+    half = float(rotated_outline(needle, 0.0)[:, 0].max())
     heights = (0.98 * half, 0.9 * half, 0.5 * half)
     return max(error_of_impact(bench, impact((needle, needle), (0.5 * np.pi, 0.0), height=h)) for h in heights)
 
@@ -126,13 +130,13 @@ def into_a_notch(bench):
 def locked_crosses():
     """Two crosses with an arm each in a notch of the other, 2 cm apart, moving against each other."""
     cross = lsm.cross()
-    half = float(turned(cross, 0.0)[:, 0].max())
+    half = float(rotated_outline(cross, 0.0)[:, 0].max())
     width = 2.0 * half / 3.0  # of a bar: a third of its length
     offset = half + 0.5 * width + 0.02, width + 0.02
     speed = np.array([(0.3, 0.2), (-0.3, -0.2)])
-    shapes = {"shapes": [cross], "shape": [0, 0], "angle": np.zeros(2)}
-    laws = [lsm.LinearElastic(STIFFNESS)]
-    return scene_of([(0.0, 0.0), offset], laws, velocity=speed, spin=np.array([[0.2], [-0.1]]), **shapes)
+    shapes = {"shapes": [cross], "shape_index": [0, 0], "angle": np.zeros(2)}
+    effects = [lsm.LinearElastic(STIFFNESS)]
+    return scene_of([(0.0, 0.0), offset], effects, velocity=speed, angular_velocity=np.array([[0.2], [-0.1]]), **shapes)
 
 
 @hard("Interlocked crosses", "relative error of the energy, with the grains apart", 1e-4, f32_bound=FLAT)
@@ -152,20 +156,20 @@ def crowd(shapes, scale, seed, restitution, friction, speed=1.0):
     rng = np.random.default_rng(seed)
     rows = int(np.ceil(np.sqrt(CROWD)))
     place = np.stack(np.divmod(np.arange(CROWD), rows), axis=1) + 0.5
-    laws = [
+    effects = [
         lsm.LinearElastic(STIFFNESS),
         lsm.ViscousDamping(restitution=restitution),
         lsm.CoulombFriction(friction, 0.5 * STIFFNESS),
     ]
     return scene_of(
         place * (CELL / rows),
-        laws,
+        effects,
         shapes=shapes,
-        shape=np.arange(CROWD) % len(shapes),
-        scale=scale,
+        shape_index=np.arange(CROWD) % len(shapes),
+        diameter=scale,
         angle=rng.uniform(0.0, 6.0, CROWD),
         velocity=speed * rng.normal(0.0, 1.0, (CROWD, 2)),
-        spin=speed * rng.normal(0.0, 1.0, (CROWD, 1)),
+        angular_velocity=speed * rng.normal(0.0, 1.0, (CROWD, 1)),
         lengths=(CELL, CELL),
         periodic=(True, True),
     )
@@ -206,7 +210,7 @@ def stars():
     star = lsm.union([lsm.placed(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
     rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(16), 4), axis=1)
-    motion = {"velocity": rng.normal(0.0, 1.0, (16, 2)), "spin": rng.normal(0.0, 1.0, (16, 1))}
+    motion = {"velocity": rng.normal(0.0, 1.0, (16, 2)), "angular_velocity": rng.normal(0.0, 1.0, (16, 1))}
     cell = {"lengths": (4 * pitch,) * 2, "periodic": (True, True), "angle": rng.uniform(0.0, 6.0, 16)}
     return scene_of(place, [lsm.LinearElastic(STIFFNESS)], shapes=[star], **cell, **motion)
 
@@ -222,10 +226,10 @@ def stack(count=4):
     """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping. Their faces
     bulge a little; without a damping of all motion they would rock on them for ever, as they should."""
     slab = box(4.0, 1.0)
-    height = 2.0 * turned(slab, 0.0)[:, 1].max()
+    height = 2.0 * rotated_outline(slab, 0.0)[:, 1].max()
     middle = (np.arange(count) + 0.5) * (height + 1e-3) + 1e-3
     position = np.stack([np.zeros(count), middle], axis=1)
-    laws = [
+    effects = [
         lsm.LinearElastic(STIFFNESS),
         lsm.ViscousDamping(restitution=0.3),
         lsm.CoulombFriction(0.5, 0.5 * STIFFNESS),
@@ -233,7 +237,7 @@ def stack(count=4):
         lsm.GlobalDamping(ROCKING),
     ]
     floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
-    return scene_of(position, laws, shapes=[slab], angle=np.zeros(count), walls=[floor])
+    return scene_of(position, effects, shapes=[slab], angle=np.zeros(count), walls=[floor])
 
 
 @hard("Stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)

@@ -13,7 +13,7 @@ CELL = {"lengths": (SIDE, SIDE), "periodic": (True, True)}
 SMALL = 200  # small spheres around a large one
 
 
-def laws(stiffness=STIFFNESS, restitution=1.0, friction=0.0):
+def effects_of(stiffness=STIFFNESS, restitution=1.0, friction=0.0):
     """Elastic, damped, frictional."""
     return [
         lsm.LinearElastic(stiffness),
@@ -41,7 +41,7 @@ def giant_and_dwarfs():
     velocity = rng.normal(0.0, 0.01, (SMALL + 1, 3)) * scale[:, None] ** -1.5
     cell = {"lengths": (2.2,) * 3, "periodic": (True,) * 3, "skin": 0.01}
     place = np.concatenate([np.zeros((1, 3)), direction])
-    return scene_of(place, [lsm.LinearElastic(STIFFNESS)], scale=scale, velocity=velocity, **cell)
+    return scene_of(place, [lsm.LinearElastic(STIFFNESS)], diameter=scale, velocity=velocity, **cell)
 
 
 @hard("Sizes 1:100, masses 1:1e6", "relative error of the energy", 1e-3)
@@ -65,7 +65,7 @@ def overlapping(seed):
         d -= SIDE * np.rint(d / SIDE)
         if not len(d) or np.linalg.norm(d, axis=1).min() > 0.5:
             place.append(x)
-    return scene_of(place, laws(restitution=0.3, friction=0.3), safety=0.03, **CELL)
+    return scene_of(place, effects_of(restitution=0.3, friction=0.3), safety=0.03, **CELL)
 
 
 @hard("Packing that overlaps at the start", "greatest energy over the elastic energy at the start", 1.001)
@@ -99,7 +99,7 @@ def jammed(overlap):
     mass = 250.0 * np.pi
     velocity = rng.normal(0.0, 0.3 * overlap * np.sqrt(STIFFNESS / mass), place.shape)
     cell = {"lengths": (ROWS * near, ROWS * near * np.sqrt(0.75)), "periodic": (True, True)}
-    return scene_of(place, laws(), velocity=velocity, **cell)
+    return scene_of(place, effects_of(), velocity=velocity, **cell)
 
 
 @hard(
@@ -126,7 +126,7 @@ def sheared():
     side = np.sqrt(0.25 * np.pi * (scale**2).sum() / 0.7)
     place = np.stack(np.divmod(np.arange(ROWS**2), ROWS), axis=1) * (side / ROWS)
     cell = {"lengths": (side, side), "periodic": (True, True), "shear_rate": 2.0}
-    return scene_of(place, laws(restitution=0.5, friction=0.5), scale=scale, safety=0.1, **cell)
+    return scene_of(place, effects_of(restitution=0.5, friction=0.5), diameter=scale, safety=0.1, **cell)
 
 
 @hard("Sizes 1:4 in a sheared cell", "error of the energy balance over the work of shearing", 1e-3)
@@ -164,17 +164,17 @@ def any_grains(rng, shapes, rows, scale):
     pitch = 2.05 * size.max()
     place = pitch * (np.stack(np.divmod(np.arange(count), rows), axis=1) + rng.uniform(-0.01, 0.01, (count, 2)))
     mass = 250.0 * np.pi * scale**2
-    fastest = 0.1 * np.min([s.cap_radius for s in shapes]) * scale.min() * np.sqrt(stiffness / mass.max())
+    fastest = 0.1 * np.min([s.overlap_limit for s in shapes]) * scale.min() * np.sqrt(stiffness / mass.max())
     speed = 10.0 ** rng.uniform(-2.0, 0.0) * fastest  # overlaps stay below a tenth of the radii
     return scene_of(
         place,
-        laws(stiffness, rng.uniform(0.05, 1.0), rng.choice([0.0, 0.3, 1.0])),
+        effects_of(stiffness, rng.uniform(0.05, 1.0), rng.choice([0.0, 0.3, 1.0])),
         shapes=shapes,
-        shape=shape,
-        scale=scale,
+        shape_index=shape,
+        diameter=scale,
         angle=rng.uniform(0.0, 6.0, count),
         velocity=rng.normal(0.0, speed, (count, 2)),
-        spin=rng.normal(0.0, speed, (count, 1)) / scale.max(),
+        angular_velocity=rng.normal(0.0, speed, (count, 1)) / scale.max(),
         lengths=(pitch * rows,) * 2,
         periodic=(True, True),
     )

@@ -45,7 +45,7 @@ EDGE_FIRST = turn(Z, 0.25 * np.pi)  # of a cube: an edge along z points along x
 CORNER_FIRST = after(turn(Y, np.arctan(np.sqrt(0.5))), EDGE_FIRST)
 
 
-def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), spin=None, kinds=(0, 1)):
+def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), angular_velocity=None, kinds=(0, 1)):
     """Two grains, of the shapes `kinds`, that fly at each other along x, the second `offset` [m] aside; velocity
     [m s-1] of approach."""
     ahead = max(s.bounding_radius for s in shapes) * 2.0 + 0.01
@@ -54,10 +54,10 @@ def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), spin=None, kinds=(0, 
         [(0.0, 0.0, 0.0), (ahead, *offset)],
         LAWS,
         shapes=list(shapes),
-        shape=kinds,
+        shape_index=kinds,
         orientation=np.array(turns),
         velocity=flight,
-        spin=np.zeros((2, 3)) if spin is None else np.array(spin, float),
+        angular_velocity=np.zeros((2, 3)) if angular_velocity is None else np.array(angular_velocity, float),
     )
 
 
@@ -77,8 +77,8 @@ def brushing_edges(bench):
         for i in range(bench.steps(20, 3)):
             turns = rng.normal(size=(2, 4))
             turns /= np.linalg.norm(turns, axis=1)[:, None]
-            spin, aside = rng.normal(0.0, 10.0, (2, 3)), rng.uniform(-0.3, 0.3, 2)
-            yield impact(shapes, turns, offset=aside, spin=spin, kinds=(i % 4, (i + 1) % 4))
+            angular_velocity, aside = rng.normal(0.0, 10.0, (2, 3)), rng.uniform(-0.3, 0.3, 2)
+            yield impact(shapes, turns, offset=aside, angular_velocity=angular_velocity, kinds=(i % 4, (i + 1) % 4))
 
     return worst_impact(bench, scenes())
 
@@ -138,10 +138,14 @@ def plate(bench):
     return worst_impact(bench, (impact((flake, flake), (facing, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.0, 0.9)))
 
 
-def rotors(shape, spin, dt=None):
+def rotors(shape, angular_velocity, dt=None):
     """Two grains of one shape far apart that spin [rad s-1] without forces, the second the other way."""
     apart = 10.0 * shape.bounding_radius
-    more = {"shapes": [shape], "shape": [0, 0], "spin": np.array([spin, -np.asarray(spin)])}
+    more = {
+        "shapes": [shape],
+        "shape_index": [0, 0],
+        "angular_velocity": np.array([angular_velocity, -np.asarray(angular_velocity)]),
+    }
     return scene_of([(0.0, 0.0, 0.0), (apart, 0.0, 0.0)], LAWS, dt=dt, **more)
 
 
@@ -184,9 +188,9 @@ def middle_axis(bench):
     shape = box(1.5, 1.0, 0.7)
     middle = int(np.argsort(shape.inertia)[1])
     dt = bench.simulate(rotors(shape, (1.0, 0.0, 0.0))).dt
-    spin = np.full(3, 1e-3)
-    spin[middle] = 1.0
-    sim = bench.simulate(rotors(shape, 0.02 / dt * spin, dt))
+    angular_velocity = np.full(3, 1e-3)
+    angular_velocity[middle] = 1.0
+    sim = bench.simulate(rotors(shape, 0.02 / dt * angular_velocity, dt))
     energy, along = [], []
     for _ in range(bench.steps(4000, 400)):
         sim.run(20)

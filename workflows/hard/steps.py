@@ -23,9 +23,9 @@ def elastic():
 
 def held_pair(dt, guards=None):
     """Two discs that cohesion holds at the depth HELD, swinging about it by SWING."""
-    laws = [*elastic(), lsm.Cohesion(pull_off_force=STIFFNESS * HELD, distance=RANGE)]
+    effects = [*elastic(), lsm.Cohesion(pull_off_force=STIFFNESS * HELD, distance=RANGE)]
     more = {"guards": guards} if guards else {}
-    return scene_of([[0.0, 0.0], [1.0 - HELD + SWING, 0.0]], laws, dt=dt, **more)
+    return scene_of([[0.0, 0.0], [1.0 - HELD + SWING, 0.0]], effects, dt=dt, **more)
 
 
 def greatest_swing(sim, steps):

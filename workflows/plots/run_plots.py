@@ -180,7 +180,7 @@ def published_rows():
     Values of one source and condition share a row; the friction is their mean.
     """
     rows = {}
-    for r in lsm.references():
+    for r in lsm.published_friction():
         if r["note"] == "unchecked":
             continue
         still = "rotation suppressed" in r["conditions"]

@@ -1,4 +1,4 @@
-"""The summary figure of accuracy against cost: what a tenth of the default settings' error costs, knob by knob."""
+"""The summary figure of accuracy against cost: what a tenth of the default's error costs, for each parameter."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ DEFAULTS = {  # curve that a quantity is judged by, and its default; None: the s
     "energy drift of a gas": ("onset_verlet", None),
     "shape error": ("patches", 30),
 }
-OWN = ("friction", "statistical error of friction")  # quantities whose knobs are each judged by themselves
+OWN = ("friction", "statistical error of friction")  # quantities whose parameters are each judged by themselves
 QUANTITIES = (*DEFAULTS, *OWN)
 NO_AXIS = "platen_diameter"  # of walls no roughness is the most accurate one
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
@@ -24,7 +24,7 @@ FARTHEST = 1e5  # times as long, at the border of the figure
 
 @dataclass(frozen=True)
 class Bar:
-    """A row: times at which a knob reaches the error of the default and a tenth of it, over the time of the default;
+    """A row: times at which a parameter reaches the error of the default and a tenth of it, over the default's time;
     or, without such times, why (`note`)."""
 
     quantity: str
@@ -38,7 +38,7 @@ class Bar:
 def default_of(found, curve):
     """(error, relative cost) of the default settings for a curve, None if they were not measured."""
     if curve.quantity == "friction":
-        judge, value = curve, getattr(shear_gouge.Params(**LAYER), curve.knob.split(", ")[0])
+        judge, value = curve, getattr(shear_gouge.Params(**LAYER), curve.parameter.split(", ")[0])
     elif curve.quantity in OWN:  # of strain and seeds: one of them
         judge, value = curve, 1
     else:
@@ -53,12 +53,12 @@ def default_of(found, curve):
 
 def bar_of(found, curve):
     """The Bar of a curve, None if it has no default to be judged by or was not measured well enough to have one."""
-    judged = curve.quantity in QUANTITIES and not curve.knob.startswith(NO_AXIS)
+    judged = curve.quantity in QUANTITIES and not curve.parameter.startswith(NO_AXIS)
     known = default_of(found, curve) if judged else None
     if known is None or math.isnan(curve.slope()):
         return None
-    (error, cost), name = known, named(curve.knob)
-    default = curve.quantity in OWN or curve.knob == DEFAULTS[curve.quantity][0]
+    (error, cost), name = known, named(curve.parameter)
+    default = curve.quantity in OWN or curve.parameter == DEFAULTS[curve.quantity][0]
     if not curve.resolved():
         return Bar(curve.quantity, name, note=UNRESOLVED)
     if math.isinf(curve.tenfold()):
@@ -87,7 +87,7 @@ def text_of(bar):
 
 
 def plot_summary(path, found):
-    """Draw tenfold.png: from the time for the default's error to that for a tenth of it, knob by knob."""
+    """Draw tenfold.png: from the time for the default's error to that for a tenth of it, parameter by parameter."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -116,7 +116,7 @@ def plot_summary(path, found):
     axes.set_xlabel("time over that of the default settings [1]")
     axes.set_title(
         "What ten times less error costs: a bar begins at the time for the error of the default settings and ends at\n"
-        "that for a tenth of it. Of each colour, turn first the knob whose bar ends first. Dark: what is the default.",
+        "that for a tenth of it. Of each colour, change first the parameter whose bar ends first. Dark: the default.",
         loc="left",
         fontsize=10,
     )

@@ -36,15 +36,15 @@ STEEPEST = 10.0  # power of the time that is written; beyond, the time hardly ch
 LEGEND_ROW = 0.042  # of the height of a panel
 
 
-def named(knob):
-    """A knob in words."""
-    first, _, rest = knob.partition(", ")
+def named(parameter):
+    """A parameter in words."""
+    first, _, rest = parameter.partition(", ")
     name = f"step of {NAMES[first]}" if first in NAMES else WORDS.get(first, first.replace("_", " "))
     return name + (f", {SHAPES.get(rest, rest)}" if rest else "")
 
 
 def plot_work_precision(path, found):
-    """Draw the curves {(knob, quantity): Curve}: error against cost, the slope written on each line."""
+    """Draw the curves {(parameter, quantity): Curve}: error against cost, the slope written on each line."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
@@ -58,7 +58,7 @@ def plot_work_precision(path, found):
             if not known.any():
                 continue
             slope = curve.slope() if curve.resolved() else math.nan
-            text = named(curve.knob) + (f" ({slope:.1f})" if abs(slope) < STEEPEST else "")
+            text = named(curve.parameter) + (f" ({slope:.1f})" if abs(slope) < STEEPEST else "")
             error = np.where(np.isfinite(curve.error_se), curve.error_se, 0.0)[known]
             low = np.minimum(error, 0.7 * curve.error[known])
             style = {"color": colour, "fmt": "o-", "ms": 4, "lw": 1.3, "capsize": 2, "label": text}

@@ -15,7 +15,7 @@ def test_a_plugin_is_found_under_its_name_with_dashes(plugins):
     (plugins / "shared_code.py").write_text("raise RuntimeError('not a workflow: must not be imported')\n")
     module = find_workflows()["toy-run"]
     assert module.__file__ == str(plugins / "toy_run.py")
-    assert not {"cli", "settings", "replicas", "shared-code"} & set(find_workflows())
+    assert not {"cli", "common", "gouge", "shared-code"} & set(find_workflows())
 
 
 def test_without_plugins_the_toy_is_unknown(plugins, monkeypatch):
@@ -43,8 +43,8 @@ def test_a_broken_plugin_is_named(plugins, text, words):
 
 
 def test_a_plugin_may_not_take_a_name_of_ours(plugins):
-    (plugins / "settings.py").write_text((plugins / "toy_run.py").read_text())
-    with pytest.raises(DiscoveryError, match="settings is taken"):
+    (plugins / "common.py").write_text((plugins / "toy_run.py").read_text())
+    with pytest.raises(DiscoveryError, match="common is taken"):
         find_workflows()
 
 
@@ -56,7 +56,7 @@ def test_a_missing_plugin_folder_is_named(monkeypatch, tmp_path):
 
 def test_finding_imports_neither_taichi_nor_the_plotting(plugins):
     code = (
-        "import sys; from workflows.discovery import find_workflows; print(*find_workflows());"
+        "import sys; from workflows.cli.discovery import find_workflows; print(*find_workflows());"
         "print(*({'taichi', 'xarray', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from workflows.cli.main import main
 from workflows.cli.progress import ProgressLine, format_line
-from workflows.common.metrics import Figure, write_summary
+from workflows.common.metrics import Metric, write_summary
 
 ROOT = Path(__file__).parents[3]
 
@@ -39,7 +39,7 @@ def test_a_complete_run(plugins, tmp_path, capsys):
     assert summary == {
         "workflow": "toy-run",
         "preset": "demo",
-        "figures": {
+        "metrics": {
             "seed": {"value": 7, "unit": "1"},
             "stress": {"value": 5e6, "unit": "Pa", "bound": 2e6, "holds": True},
         },
@@ -186,8 +186,8 @@ def test_version(capsys):
 
 
 def test_list_shows_workflows_and_effects(plugins, capsys, monkeypatch):
-    law = type("Law", (), {"__doc__": "A spring.\n\nMore."})
-    effects = types.SimpleNamespace(find_effects=lambda: {"spring": law})
+    effect = type("Law", (), {"__doc__": "A spring.\n\nMore."})
+    effects = types.SimpleNamespace(find_effects=lambda: {"spring": effect})
     monkeypatch.setitem(sys.modules, "taichi_lsm.effects", effects)  # the real one imports Taichi
     assert main(["list"]) == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
@@ -201,7 +201,7 @@ def test_info_shows_status_figures_and_dimensions(tmp_path, capsys):
         file.run_status = "interrupted"
         file.seed = 11
     (tmp_path / "grains.nc").write_bytes(b"half a file")
-    write_summary(tmp_path, "toy-run", None, {"drift": Figure(0.02, "1", 0.025, True)}, quiet=True)
+    write_summary(tmp_path, "toy-run", None, {"drift": Metric(0.02, "1", 0.025, True)}, quiet=True)
     assert main(["info", str(tmp_path)]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "run_status: interrupted seed: 11" in text
@@ -210,10 +210,10 @@ def test_info_shows_status_figures_and_dimensions(tmp_path, capsys):
 
 
 def test_summary_is_strict_json(tmp_path, capsys):
-    figures = {"lost": Figure(math.nan, "1"), "bad": Figure(2.0, "J", 1.0, False)}
-    write_summary(tmp_path, "w", "demo", figures)
+    metrics = {"lost": Metric(math.nan, "1"), "bad": Metric(2.0, "J", 1.0, False)}
+    write_summary(tmp_path, "w", "demo", metrics)
     read = json.loads((tmp_path / "summary.json").read_text(), parse_constant=pytest.fail)
-    assert read["figures"] == {
+    assert read["metrics"] == {
         "lost": {"value": None, "unit": "1"},
         "bad": {"value": 2.0, "unit": "J", "bound": 1.0, "holds": False},
     }
@@ -233,7 +233,7 @@ def test_live_progress_ends_with_the_last_report_of_every_label():
 
 def test_a_claim_has_both_bound_and_verdict():
     with pytest.raises(ValueError, match="together"):
-        Figure(1.0, "1", bound=2.0)
+        Metric(1.0, "1", bound=2.0)
 
 
 def test_progress_line():

@@ -51,13 +51,14 @@ def test_a_signal_reaches_the_children_and_they_flush(plugins, tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(
         "import sys\n"
-        "from workflows import discovery, replicas, signals\n"
+        "from workflows.cli import discovery, signals\n"
+        "from workflows.common import parallel_runs\n"
         "if __name__ == '__main__':\n"
         "    toy = discovery.find_workflows()['toy-run']\n"
         "    signals.install()\n"
         "    jobs = [(n, 'workflows.toy_run', toy.Params(act='wait'), n) for n in ('a', 'b', 'c')]\n"
         "    try:\n"
-        "        replicas.run_replicas(jobs)\n"
+        "        parallel_runs.run_replicas(jobs)\n"
         "    except signals.Interrupted as interrupted:\n"
         "        sys.exit(128 + interrupted.signum)\n"
     )

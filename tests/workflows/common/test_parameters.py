@@ -112,7 +112,7 @@ def test_a_misspelt_toml_file_gets_the_nearest_name(toy, tmp_path):
 
 
 def test_toml_has_every_field_under_its_description(toy):
-    text = to_toml(toy.Params(laws=[{"name": "a"}]))
+    text = to_toml(toy.Params(effects=[{"name": "a"}]))
     assert "# normal stress on the layer [Pa]\nnormal_stress = 5000000.0\n" in text
     for name in toy.Params.model_fields:
         assert f"\n{name} = " in f"\n{text}" or f"[[{name}]]" in text

@@ -65,7 +65,7 @@ def test_running_mean():
 
 def test_only_checked_references_are_drawn():
     rows = run_plots.published_rows()
-    assert sum(len(row[-1]) for row in rows) == sum(r["note"] != "unchecked" for r in lsm.references())
+    assert sum(len(row[-1]) for row in rows) == sum(r["note"] != "unchecked" for r in lsm.published_friction())
     assert {row[3] for row in rows} == {"laboratory", "simulation"}
     assert [row[2] for row in rows if row[5]] == ["discs 2D, Latham 2005", "spheres 3D, Latham 2005"]
 

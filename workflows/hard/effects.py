@@ -21,21 +21,26 @@ WELL = {"pull_off_force": 1e3, "distance": 0.02}
 
 def scene(position, weight=0.0, restitution=1.0, friction=0.0, dynamic=None, rolling=0.0, **more):
     """Two discs above a floor, with `weight` times the gravity G; with a dynamic friction they also resist rolling."""
-    laws = [
+    effects = [
         lsm.LinearElastic(STIFFNESS),
         lsm.ViscousDamping(restitution=restitution),
         lsm.CoulombFriction(friction, 0.5 * STIFFNESS, dynamic),
         lsm.Gravity((0.0, -weight * G)),
     ]
-    laws += [] if dynamic is None else [lsm.RollingResistance(rolling, ROLLING_STIFFNESS)]
-    return scene_of(position, laws, walls=[FLOOR], **more)
+    effects += [] if dynamic is None else [lsm.RollingResistance(rolling, ROLLING_STIFFNESS)]
+    return scene_of(position, effects, walls=[FLOOR], **more)
 
 
-def impact(speed, offset=0.0, spin=(0.0, 0.0), gap=0.01, **more):
+def impact(speed, offset=0.0, angular_velocity=(0.0, 0.0), gap=0.01, **more):
     """Two discs that fly at each other along x, the second higher by `offset` [m]."""
     ahead = math.sqrt(1.0 - offset**2) + gap
     velocity = 0.5 * speed * np.array([(1.0, 0.0), (-1.0, 0.0)])
-    return scene([(0.0, FAR), (ahead, FAR + offset)], velocity=velocity, spin=np.array(spin, float)[:, None], **more)
+    return scene(
+        [(0.0, FAR), (ahead, FAR + offset)],
+        velocity=velocity,
+        angular_velocity=np.array(angular_velocity, float)[:, None],
+        **more,
+    )
 
 
 def resting(**more):
@@ -52,8 +57,10 @@ def cohesive(speed):
     """Two cohesive discs where the force between them is zero, parting at `speed` [m s-1]."""
     apart = 1.0 - WELL["pull_off_force"] / STIFFNESS
     velocity = 0.5 * speed * np.array([(-1.0, 0.0), (1.0, 0.0)])
-    laws = [lsm.LinearElastic(STIFFNESS), lsm.Cohesion(**WELL)]
-    return scene_of([(0.0, 0.0), (apart, 0.0)], laws, velocity=velocity, safety=0.04)  # to resolve the edge of escape
+    effects = [lsm.LinearElastic(STIFFNESS), lsm.Cohesion(**WELL)]
+    return scene_of(
+        [(0.0, 0.0), (apart, 0.0)], effects, velocity=velocity, safety=0.04
+    )  # to resolve the edge of escape
 
 
 def well_depth():
@@ -129,12 +136,12 @@ def restitution_out_of_range(bench):
 def frictionless_oblique_impact(bench):
     """With a friction coefficient of zero no torque may act on a disc: its spin must keep every bit. Divisions by the
     limit of friction and torques from rounded normals break this."""
-    spin = np.array([3.0, -7.0])
-    sim, worst = bench.simulate(impact(1.0, 0.5, spin)), 0.0
+    angular_velocity = np.array([3.0, -7.0])
+    sim, worst = bench.simulate(impact(1.0, 0.5, angular_velocity)), 0.0
     for offset in np.linspace(0.05, 0.95, bench.steps(40, 4)):
-        sim = bench.simulate(impact(1.0, offset, spin))
+        sim = bench.simulate(impact(1.0, offset, angular_velocity))
         while_touching(sim)
-        worst = max(worst, float(np.abs(sim.state.spin.to_numpy()[:, 0] - spin).max()))
+        worst = max(worst, float(np.abs(sim.state.angular_velocity.to_numpy()[:, 0] - angular_velocity).max()))
     return worst
 
 
@@ -145,9 +152,9 @@ def friction_of_ten(bench):
     worst = 0.0
     for offset, turn in zip(np.linspace(0.1, 0.9, n := bench.steps(40, 4)), np.linspace(-4.0, 4.0, n), strict=True):
         sim = bench.simulate(impact(1.0, offset, (turn, turn), friction=10.0, restitution=0.9))
-        seen = [lsm.energies(sim)]
-        while_touching(sim, lambda sim=sim, seen=seen: seen.append(lsm.energies(sim)))
-        stored, balance = np.array([(e.stored, e.balance) for e in seen]).T / seen[0].stored
+        make_contact = [lsm.energies(sim)]
+        while_touching(sim, lambda sim=sim, make_contact=make_contact: make_contact.append(lsm.energies(sim)))
+        stored, balance = np.array([(e.stored, e.balance) for e in make_contact]).T / make_contact[0].stored
         worst = max(worst, float(np.abs(balance - 1.0).max()), float(np.diff(stored).max()))
     return worst
 
@@ -193,7 +200,7 @@ def rolling_to_rest(bench):
     worst = 0.0
     for _ in range(bench.steps(20_000, 400)):
         sim.run(3)
-        worst = max(worst, float(np.abs(sim.state.spin.to_numpy()).max()))
+        worst = max(worst, float(np.abs(sim.state.angular_velocity.to_numpy()).max()))
     return worst / rocking_spin()
 
 
@@ -225,7 +232,7 @@ def rolling():
         dynamic=0.8,
         rolling=ROLLING,
         velocity=speed * np.array([(-1.0, 0.0), (1.0, 0.0)]),
-        spin=speed / REST * np.array([[1.0], [-1.0]]),
+        angular_velocity=speed / REST * np.array([[1.0], [-1.0]]),
     )
 
 
@@ -233,7 +240,7 @@ def rocking_spin():
     """Greatest spin [rad s-1] that the elastic couple and the spring of friction can leave to a disc at their limits:
     the amplitudes of rocking without slip and of the slip that the friction of the braked disc starts."""
     radius, k_t = 0.5, 0.5 * STIFFNESS
-    couple = ROLLING * radius * MASS * G
-    rocking = couple / math.sqrt(ROLLING_STIFFNESS * 1.5 * MASS * radius**2)
-    friction = couple / (1.5 * radius)
+    contact_moment = ROLLING * radius * MASS * G
+    rocking = contact_moment / math.sqrt(ROLLING_STIFFNESS * 1.5 * MASS * radius**2)
+    friction = contact_moment / (1.5 * radius)
     return rocking + 2.0 / 3.0 * friction / k_t * math.sqrt(3.0 * k_t / MASS) / radius

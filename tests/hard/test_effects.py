@@ -6,7 +6,7 @@ import taichi_lsm as lsm
 from tests.helpers.scenes import PRECISION
 from workflows.hard import Bench, cases_of
 
-CASES = {case.name: case for case in cases_of("laws")}
+CASES = {case.name: case for case in cases_of("effects")}
 
 
 @pytest.mark.parametrize("name", CASES)
