@@ -7,69 +7,56 @@ from ..core.runtime import ti, when_allocated
 from ..core.schema import Variable
 
 
-def grain_variables(
-    rotates, oriented, shaped, track_dissipation, onset=False, tumbles=False, multi_part=False, sheared=False
-):
-    """Rows of the grain state that a scene needs.
+def grain_variables(spec):
+    """Schema rows of the grain state that a scene of this KernelSpec needs; all are needed to continue a run."""
 
-    rotates: torques act on the grains; oriented: their orientation matters; shaped: more than one patch per grain;
-    ledger: number of effects that book dissipated energy; onset: contacts begin and end with impulses; tumbles:
-    oriented in 3D, where the angular momentum is the state and the spin follows from it; several: grains of
-    several parts, whose places turn with the grain; sheared: the cell is in homogeneous shear.
-    """
+    def row(name, width, dtype, units, long_name):
+        dims = ("grain", width) if width else ("grain",)
+        return Variable(name, dims, dtype, units, long_name, restart=True)
+
     rows = [
-        Variable("id", ("grain",), "i32", "1", "persistent number of the grain in this slot", True),
-        Variable("platen_index", ("grain",), "i32", "1", "platen the grain is glued to, -1 if mobile", True),
-        Variable("position", ("grain", "space"), "f64", "m", "centre of mass", True),
-        Variable("radius", ("grain",), "real", "m", "bounding radius", True),
-        Variable("velocity", ("grain", "space"), "f64", "m s-1", "velocity half a step before position", True),
-        Variable("inverse_mass", ("grain",), "real", "kg-1", "inverse mass", True),
-        Variable("force", ("grain", "space"), "real", "N", "force of the contacts in the grain's own row", True),
-        Variable("built_position", ("grain", "space"), "f64", "m", "position when the list was built", True),
+        row("id", "", "i32", "1", "persistent number of the grain in this slot"),
+        row("platen_index", "", "i32", "1", "platen the grain is glued to, -1 if mobile"),
+        row("position", "space", "f64", "m", "centre of mass"),
+        row("radius", "", "real", "m", "bounding radius"),
+        row("velocity", "space", "f64", "m s-1", "velocity half a step before position"),
+        row("inverse_mass", "", "real", "kg-1", "inverse mass"),
+        row("force", "space", "real", "N", "force of the contacts in the grain's own row of the list"),
+        row("built_position", "space", "f64", "m", "position when the list was built"),
     ]
-    if rotates:
+    if spec.rotates:
         rows += [
-            Variable(
-                "angular_velocity", ("grain", "rotation"), "f64", "rad s-1", "angular velocity half a step before", True
-            ),
-            Variable("inverse_inertia", ("grain", "rotation"), "real", "kg-1 m-2", "inverse principal moments", True),
-            Variable("torque", ("grain", "rotation"), "real", "N m", "torque of the contacts in the own row", True),
+            row("angular_velocity", "rotation", "f64", "rad s-1", "angular velocity half a step before position"),
+            row("inverse_inertia", "rotation", "real", "kg-1 m-2", "inverse principal moments of inertia"),
+            row("torque", "rotation", "real", "N m", "torque of the contacts in the grain's own row of the list"),
         ]
-    if onset:
-        rows.append(Variable("last_velocity", ("grain", "space"), "f64", "m s-1", "velocity a step before", True))
-        if shaped:
-            rows.append(
-                Variable("last_angular_velocity", ("grain", "rotation"), "f64", "rad s-1", "spin a step before", True)
-            )
-            rows.append(
-                Variable(
-                    "angular_impulse", ("grain", "rotation"), "real", "N m s", "angular impulse from the row", True
-                )
-            )
-        rows.append(
-            Variable("has_impulse", ("grain",), "i8", "1", "1 if a contact of its own row has an impulse", True)
-        )
-    if oriented:
-        rows.append(
-            Variable("orientation", ("grain", "orientation"), "f64", "1", "unit complex number or quaternion", True)
-        )
-    if tumbles:
-        long_name = "angular momentum half a step before, world frame"
-        rows.append(Variable("angular_momentum", ("grain", "rotation"), "f64", "kg m2 s-1", long_name, True))
-    if multi_part:
-        long_name = "orientation when the list was built"
-        rows.append(Variable("built_orientation", ("grain", "orientation"), "f64", "1", long_name, True))
-    if shaped:
+    if spec.onset:
         rows += [
-            Variable("shape_index", ("grain",), "i32", "1", "row of the shape table", True),
-            Variable("diameter", ("grain",), "real", "m", "length unit of the shape", True),
-            Variable("overlap_limit", ("grain",), "real", "m", "least curvature radius, limits the depth", True),
-            Variable("travel", ("grain",), "f64", "m", "way of the farthest surface point so far, at most", True),
+            row("last_velocity", "space", "f64", "m s-1", "velocity a step before"),
+            row("has_impulse", "", "i8", "1", "1 if a contact of the grain's own row has an impulse"),
         ]
-    if sheared:
-        rows.append(Variable("shear_work", ("grain",), "f64", "J", "work of shearing the cell, of its row", True))
-    if track_dissipation:
-        rows.append(Variable("dissipated", ("grain", "channel"), "f64", "J", "energy dissipated by effect", True))
+    if spec.has_angular_impulses:
+        rows += [
+            row("last_angular_velocity", "rotation", "f64", "rad s-1", "angular velocity a step before"),
+            row("angular_impulse", "rotation", "real", "N m s", "angular impulse of the contacts in the own row"),
+        ]
+    if spec.oriented:
+        rows.append(row("orientation", "orientation", "f64", "1", "unit complex number (2D) or quaternion (3D)"))
+    if spec.tumbles:
+        rows.append(row("angular_momentum", "rotation", "f64", "kg m2 s-1", "the same half a step before, world frame"))
+    if spec.multi_part:
+        rows.append(row("built_orientation", "orientation", "f64", "1", "orientation when the list was built"))
+    if spec.shaped:
+        rows += [
+            row("shape_index", "", "i32", "1", "row of the shape table"),
+            row("diameter", "", "real", "m", "equivalent diameter, the length unit of the shape"),
+            row("overlap_limit", "", "real", "m", "least radius of curvature, which limits the overlap"),
+            row("travel", "", "f64", "m", "upper bound of the path length of the farthest surface point so far"),
+        ]
+    if spec.sheared:
+        rows.append(row("shear_work", "", "f64", "J", "work of shearing the cell on the contacts of the own row"))
+    if spec.tracks_dissipation:
+        rows.append(row("dissipated", "channel", "f64", "J", "energy dissipated, by effect"))
     return rows
 
 
@@ -80,14 +67,14 @@ class Grains:
     The fields of `grain_variables` are attributes. Columns by persistent id are read with `column`.
     """
 
-    def __init__(self, dim, count, variables, channels):
-        self.dim = dim
+    def __init__(self, spec):
+        self.dim, count, variables = spec.dim, spec.count, grain_variables(spec)
         self.count = ti.field(ti.i32, ())
         self.sizes = {
-            "space": dim,
-            "rotation": rotation_size(dim),
-            "orientation": orientation_size(dim),
-            "channel": channels,
+            "space": spec.dim,
+            "rotation": rotation_size(spec.dim),
+            "orientation": orientation_size(spec.dim),
+            "channel": spec.channels,
         }
         self.variables = {v.name: v for v in variables}
         capacity = rounded_capacity(count)

@@ -10,33 +10,49 @@ from .grain_state import grain_variables
 
 @dataclass(frozen=True)
 class KernelSpec:
-    """Facts of a scene; two scenes of equal make-up share their compiled kernels.
+    """Facts of a scene, handed down to everything that allocates fields or compiles kernels.
 
-    kind: of the surfaces, sphere | chain | polyhedron | cones; several: grains of several parts; rotates: torques act
-    on the grains; oriented: their orientation matters; onset: contacts begin and end with impulses; sheared: the cell
-    is in homogeneous shear; books: laws that book dissipated energy; history: numbers that the laws remember of a pair;
-    laws: classes and variants; count, bonds, walls: how many there are; integrator: its class; periodic: axes.
+    Two scenes of equal KernelSpec share their compiled kernels (`Simulation.reset`). A kernel asks for a fact by its
+    name (`ti.static(spec.rotates)`); nothing is inferred from which fields happen to exist.
+
+    Attributes
+    ----------
+    dim, periodic, count : space dimension, periodic axes, number of grains
+    kind : surfaces of the grains, sphere | chain | polyhedron | cones
+    multi_part : some grain has several convex parts
+    rotates : torques act on the grains, so that they have an angular velocity
+    oriented : the orientation of the grains matters
+    onset : impulses correct the beginning and the end of contacts
+    sheared : the cell is in homogeneous shear
+    reaches : an effect acts beyond touch
+    channels : number of effects whose dissipated energy is accounted for
+    history : numbers that the effects remember of each pair
+    effects : class names and variants of the effects
+    bonds, walls, platens : how many there are
+    integrator : class of the time integration
     """
 
-    dim: int
-    periodic: tuple
-    count: int
-    kind: str
-    multi_part: bool
-    rotates: bool
-    oriented: bool
-    onset: bool
-    sheared: bool
-    channels: int
-    history: int
-    effects: tuple
-    bonds: int
-    walls: int
-    integrator: type
+    dim: int = 2
+    periodic: tuple[bool, ...] = ()
+    count: int = 1
+    kind: str = "sphere"
+    multi_part: bool = False
+    rotates: bool = False
+    oriented: bool = False
+    onset: bool = False
+    sheared: bool = False
+    reaches: bool = False
+    channels: int = 0
+    history: int = 0
+    effects: tuple[tuple[str, str], ...] = ()
+    bonds: int = 0
+    walls: int = 0
+    platens: int = 0
+    integrator: type | None = None
 
     @classmethod
     def of(cls, scene):
-        """The make-up of a scene."""
+        """The KernelSpec of a scene."""
         kind, effects = kind_of(scene.shapes), scene.effects
         shaped, bonded = kind != "sphere", scene.bonds is not None
         return cls(
@@ -49,31 +65,55 @@ class KernelSpec:
             oriented=shaped or bonded,
             onset=scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in effects),
             sheared=bool(scene.shear_rate),
+            reaches=scene.reach() > 0.0,
             channels=sum(e.dissipates for e in effects) if scene.track_dissipation else 0,
             history=sum(e.history_size(scene.dim) for e in effects if e.phase in ON_CONTACTS),
             effects=tuple((type(e).__name__, e.variant) for e in effects),
             bonds=len(scene.bonds) if bonded else 0,
             walls=len(scene.walls),
+            platens=len(scene.platens),
             integrator=scene.integrator,
         )
 
     @property
-    def shaped(self):
-        """Have grains more than one patch?"""
+    def shaped(self) -> bool:
+        """Whether the grains have more than one patch."""
         return self.kind != "sphere"
 
     @property
-    def tumbles(self):
-        """Is the angular momentum the state, and the spin what follows from it?"""
+    def tumbles(self) -> bool:
+        """Whether the angular momentum is the state and the angular velocity follows from it: shaped grains in 3D."""
         return self.shaped and self.dim == 3
 
+    @property
+    def remembers_features(self) -> bool:
+        """Whether each pair remembers which patches faced each other, from which the next search starts."""
+        return self.kind in ("chain", "polyhedron")
+
+    @property
+    def remembers_normal(self) -> bool:
+        """Whether each pair remembers its last normal as well."""
+        return self.kind == "polyhedron"
+
+    @property
+    def tracks_dissipation(self) -> bool:
+        """Whether dissipated energy is accounted for."""
+        return self.channels > 0
+
+    @property
+    def has_angular_impulses(self) -> bool:
+        """Whether impulses of contacts turn the grains: those of spheres go through the centres."""
+        return self.onset and self.shaped
+
+    @property
+    def has_boundaries(self) -> bool:
+        """Whether something other than grains moves in a step: platens, plane walls or the sheared cell."""
+        return self.platens > 0 or self.walls > 0 or self.sheared
+
     def grain_rows(self):
-        """Rows of the grain state."""
-        shaped = self.shaped
-        return grain_variables(
-            self.rotates, self.oriented, shaped, self.channels, self.onset, self.tumbles, self.multi_part, self.sheared
-        )
+        """Schema rows of the grain state."""
+        return grain_variables(self)
 
     def pair_rows(self):
-        """Rows per slot of the neighbour list."""
-        return pair_variables(self.rotates, self.kind, self.history, self.onset, self.multi_part)
+        """Schema rows of a slot of the neighbour list."""
+        return pair_variables(self)
