@@ -63,7 +63,7 @@ def metrics(sim, volume):
 def timed_rebuild(sim):
     """Seconds of one neighbour search."""
     began = time.perf_counter()
-    sim._rebuild()
+    sim.rebuild_neighbours()
     return time.perf_counter() - began
 
 
@@ -80,7 +80,7 @@ def size(sim):
 
     grains, pairs = sim.grains, sim.pairs
     return {
-        "fields": len(grains.variables) + len(pairs.variables) + len(pairs.kept),
+        "fields": len(grains.variables) + len(pairs.variables) + len(pairs.saved),
         "bytes_per_grain": bytes_per_row(grains.variables.values(), grains.sizes),
         "bytes_per_pair": pairs.bytes_per_pair(),
     }

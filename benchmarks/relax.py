@@ -44,7 +44,7 @@ def resize(sim, ratio):
         row.from_numpy(row.to_numpy() * ratio)
     inertia = sim.state.inverse_inertia
     inertia.from_numpy(inertia.to_numpy() / ratio**2)
-    sim._rebuild()
+    sim.rebuild_neighbours()
 
 
 def grow(state, target):

@@ -138,7 +138,7 @@ class Gas:
         scene = build(p, grains, seed, steps_per_contact, self.scheme)
         if grains in self.sims:
             sim, _ = self.sims[grains]
-            sim.load(scene)
+            sim.reset(scene)
         else:
             sim = lsm.Simulation(scene, p.arch, p.precision, p.threads)
             self.sims[grains] = (sim, lsm.ShadowEnergy(sim))

@@ -14,8 +14,8 @@ from ..core.schema import Variable
 from .bond_setup import bond_branches, bond_numbers
 
 BOND_ROWS = (
-    Variable("first", ("bond",), "i32", "1", "persistent number of the first grain, the lower one", True),
-    Variable("second", ("bond",), "i32", "1", "persistent number of the second grain", True),
+    Variable("first_id", ("bond",), "i32", "1", "persistent number of the first grain, the lower one", True),
+    Variable("second_id", ("bond",), "i32", "1", "persistent number of the second grain", True),
     Variable("intact", ("bond",), "i32", "1", "1 until the bond breaks, then 0", True),
     Variable("force", ("bond", "space"), "f64", "N", "force of the bond on the second grain", True),
     Variable("torque_first", ("bond", "rotation"), "f64", "N m", "torque of the bond on the first grain", True),
@@ -24,7 +24,7 @@ BOND_ROWS = (
     Variable("freed", ("bond",), "i32", "1", "1 if it broke in the present step", True),
     Variable("anchor_first", ("bond", "space"), "f64", "m", "middle of the bond, in the frame of the first grain"),
     Variable("anchor_second", ("bond", "space"), "f64", "m", "middle of the bond, in the frame of the second grain"),
-    Variable("rest_turn", ("bond", "orientation"), "f64", "1", "first grain against the second at the start"),
+    Variable("rest_orientation", ("bond", "orientation"), "f64", "1", "first grain against the second at the start"),
     Variable("stiffness", ("bond", "four"), "f64", "1", "of tension, shear [N m-1], bending and torsion [N m]"),
     Variable("strength", ("bond", "four"), "f64", "1", "in tension, shear [N], bending and torsion [N m]"),
 )
@@ -32,12 +32,14 @@ BOND_ROWS = (
 
 @ti.data_oriented
 class Bonds:
-    """The bonds of a simulation, sorted by the lower and then the higher id: the fields of BOND_ROWS are attributes.
+    """The bonds of a simulation, sorted by the lower, then the higher id; the fields of BOND_ROWS are attributes.
 
-    Their places `lead[i]` to `lead[i + 1]` belong to grain i as the lower one; `ends` lists the bonds of every grain.
+    Bonds `first_bond[i]` to `first_bond[i + 1]` are led by grain i, the one of lower id; `ends` lists those of every
+    grain.
     """
 
-    def __init__(self, scene, effect, grains, domain):
+    def __init__(self, spec, scene, effect, grains, domain):
+        self.spec = spec
         self.effect, self.grains, self.domain, self.dim = effect, grains, domain, grains.dim
         self.count = len(scene.bonds)
         self.variables = BOND_ROWS
@@ -50,21 +52,20 @@ class Bonds:
         for name, field in vars(allocate(BOND_ROWS, self.count, sizes)).items():
             setattr(self, name, field)
         capacity = grains.slot_of.shape[0]
-        self.lead = ti.field(ti.i32, capacity + 1)
+        self.first_bond = ti.field(ti.i32, capacity + 1)
         self.end_start = ti.field(ti.i32, capacity + 1)
         self.ends = ti.field(ti.i32, 2 * self.count)
         self.broke = ti.field(ti.i32, ())  # 1 if a bond broke in the present step
-        self.channel = 0  # column of the energy ledger
-        self.track_dissipation = grains.has("dissipated")
+        self.channel = spec.channels - 1  # column of `dissipated`: that of bonds is the last one
         when_allocated(lambda: self.fill(scene))
 
     def fill(self, scene):
         """Write the reference placement, stiffness and strength of the bonds of `scene`, all of them intact."""
         first, second = scene.bonds.T
-        capacity = len(self.lead.to_numpy()) - 1
-        self.first.from_numpy(first)
-        self.second.from_numpy(second)
-        self.lead.from_numpy(np.searchsorted(first, np.arange(capacity + 1)).astype(np.int32))
+        capacity = len(self.first_bond.to_numpy()) - 1
+        self.first_id.from_numpy(first)
+        self.second_id.from_numpy(second)
+        self.first_bond.from_numpy(np.searchsorted(first, np.arange(capacity + 1)).astype(np.int32))
         grain = np.concatenate([first, second])
         order = np.lexsort([np.tile(np.arange(self.count), 2), grain])
         self.ends.from_numpy((order % self.count).astype(np.int32))
@@ -85,30 +86,30 @@ class Bonds:
         g = self.grains
         ti.loop_config(serialize=True)
         for b in range(self.count):
-            q_k, q_l = g.orientation[g.slot_of[self.first[b]]], g.orientation[g.slot_of[self.second[b]]]
+            q_k, q_l = g.orientation[g.slot_of[self.first_id[b]]], g.orientation[g.slot_of[self.second_id[b]]]
             half = 0.5 * self.anchor_first[b]
             self.anchor_first[b] = rotate(inverse(q_k), half)
             self.anchor_second[b] = rotate(inverse(q_l), -half)
-            self.rest_turn[b] = product(inverse(q_l), q_k)
+            self.rest_orientation[b] = product(inverse(q_l), q_k)
 
     @ti.func
     def joined(self, i, j):
         """1 if an intact bond joins the grains of ids i < j, else 0."""
         result = 0
-        for b in range(self.lead[i], self.lead[i + 1]):
-            if self.second[b] == j:
+        for b in range(self.first_bond[i], self.first_bond[i + 1]):
+            if self.second_id[b] == j:
                 result = self.intact[b]
         return result
 
     @ti.func
-    def placed(self, b):
+    def kinematics(self, b):
         """(distance of the ends u [m], turn of second grain against first, axis as each carries it, arms [m])."""
         g = self.grains
-        k, l = g.slot_of[self.first[b]], g.slot_of[self.second[b]]
+        k, l = g.slot_of[self.first_id[b]], g.slot_of[self.second_id[b]]
         arm_k = rotate(g.orientation[k], self.anchor_first[b])
         arm_l = rotate(g.orientation[l], self.anchor_second[b])
         u = self.domain.displacement(g.position[k], g.position[l]) + arm_l - arm_k
-        turn = product(g.orientation[l], product(self.rest_turn[b], inverse(g.orientation[k])))
+        turn = product(g.orientation[l], product(self.rest_orientation[b], inverse(g.orientation[k])))
         length = arm_k.norm()
         return u, turn, arm_k / length, -arm_l / length, arm_k, arm_l
 
@@ -121,11 +122,11 @@ class Bonds:
         """
         g, broken = self.grains, 0
         i = g.id[k]
-        for b in range(self.lead[i], self.lead[i + 1]):
+        for b in range(self.first_bond[i], self.first_bond[i + 1]):
             force = 0.0 * self.force[b]
             torque_k, torque_l = 0.0 * self.torque_first[b], 0.0 * self.torque_first[b]
             if self.intact[b] == 1:
-                u, turn, e_k, e_l, arm_k, arm_l = self.placed(b)
+                u, turn, e_k, e_l, arm_k, arm_l = self.kinematics(b)
                 stiffness = self.stiffness[b]
                 force, torque_k, torque_l = self.effect.on_bond(u, turn, e_k, e_l, stiffness)
                 torque_k -= torque_of(arm_k, force)
@@ -134,7 +135,7 @@ class Bonds:
                     broken = 1
                     self.intact[b], self.freed[b] = 0, 1
                     force, torque_k, torque_l = 0.5 * force, 0.5 * torque_k, 0.5 * torque_l
-                    if ti.static(self.track_dissipation):
+                    if ti.static(self.spec.tracks_dissipation):
                         held = self.effect.bond_energy(u, turn, e_k, e_l, stiffness)
                         g.dissipated[k][self.channel] = g.dissipated[k][self.channel] + held
             self.force[b], self.torque_first[b], self.torque_second[b] = force, torque_k, torque_l
@@ -143,13 +144,13 @@ class Bonds:
         return broken
 
     @ti.func
-    def gathered(self, i):
+    def total_load(self, i):
         """(force [N], torque [N m]) of all bonds of the grain of id i, in the order of the bonds."""
         force = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
         torque = ti.Vector([ti.cast(0.0, ti.f64)] * ti.static(rotation_size(self.dim)))
         for c in range(self.end_start[i], self.end_start[i + 1]):
             b = self.ends[c]
-            if self.first[b] == i:
+            if self.first_id[b] == i:
                 force -= self.force[b]
                 torque += self.torque_first[b]
             else:
@@ -162,7 +163,7 @@ class Bonds:
         """Elastic energy of bond b [J], 0 if it is broken."""
         result = ti.cast(0.0, ti.f64)
         if self.intact[b] == 1:
-            u, turn, e_k, e_l, arm_k, arm_l = self.placed(b)
+            u, turn, e_k, e_l, arm_k, arm_l = self.kinematics(b)
             result = self.effect.bond_energy(u, turn, e_k, e_l, self.stiffness[b])
         return result
 
@@ -188,16 +189,16 @@ class FreedContacts:
         for b in range(bonds.count):
             if bonds.freed[b] == 1:
                 bonds.freed[b] = 0
-                k = g.slot_of[bonds.first[b]]
+                k = g.slot_of[bonds.first_id[b]]
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                    if pairs.partner_id[s] == bonds.second[b]:
-                        gain = ti.cast(self.meet(b, k, pairs.partner[s], s), ti.f64)
+                    if pairs.second_id[s] == bonds.second_id[b]:
+                        gain = ti.cast(self.begin_contact(b, k, pairs.second_slot[s], s), ti.f64)
                         bonds.contact_gain[b] = bonds.contact_gain[b] + gain
-                        if ti.static(bonds.track_dissipation):
+                        if ti.static(bonds.spec.tracks_dissipation):
                             g.dissipated[k][bonds.channel] = g.dissipated[k][bonds.channel] - gain
 
     @ti.func
-    def meet(self, b, k, l, s):
+    def begin_contact(self, b, k, l, s):
         """Elastic energy [J] of the new contact in list slot s, which then counts as an old one: it has no onset.
 
         Its force, too, acts through half of this step; the other half is taken back by that of the bond.

@@ -54,7 +54,8 @@ class Domain:
 
     def set_shear(self, shear_rate, widest, strain=0.0):
         """Shear at this rate [s-1] from this strain on. widest [m]: greatest distance of centres at which grains act
-        on each other."""
+        on each other.
+        """
         self.shear_rate[0], self.widest[0], self.strain[0] = shear_rate, widest, strain
         shift = strain * self.length[1]
         self.tilt[0] = shift - self.length[0] * np.rint(shift * self.inverse_length[0])
@@ -114,7 +115,7 @@ class Domain:
 
     @ti.func
     def shear(self, dt):
-        """Move the images by a step of dt [s]. Nobody may look at them meanwhile."""
+        """Move the images by a step of dt [s]; they must not be read meanwhile."""
         self.strain[0] = self.strain[0] + self.shear_rate[0] * dt
         shift = self.strain[0] * self.length[1]
         self.tilt[0] = shift - self.length[0] * nearest_integer(shift * self.inverse_length[0])
@@ -126,24 +127,25 @@ class Domain:
         return (v[0] - flow) * v[1] * dt
 
     @ti.func
-    def passed(self, x, before, half_skin, dt):
-        """Way in the mean flow [m] that a grain has made in a step, and half of what the flow has moved one that is
-        listed as its neighbour against it, at most."""
-        way = x - before
-        way[0] -= self.shear_rate[0] * before[1] * dt
-        return way.norm() + ti.abs(self.shear_rate[0]) * dt * (0.5 * self.widest[0] + 2.0 * half_skin)
+    def path_length(self, x, before, half_skin, dt):
+        """Upper bound of the path length of a grain in a step against the mean flow [m], and half of the displacement
+        by the flow of a listed neighbour against it.
+        """
+        displacement = x - before
+        displacement[0] -= self.shear_rate[0] * before[1] * dt
+        return displacement.norm() + ti.abs(self.shear_rate[0]) * dt * (0.5 * self.widest[0] + 2.0 * half_skin)
 
     @ti.func
-    def displacement_in_flow(self, way, built, half_skin, time):
-        """(way of a grain since the list was built less that of the mean flow, bound that it must keep below) [m].
+    def displacement_in_flow(self, displacement, built, half_skin, time):
+        """(displacement of a grain since the list was built less that of the mean flow, its upper bound) [m].
 
-        way: with the flow; built: where it was then; time [s]: since the launch began, for the strain itself may be
-        moving on. With e the strain and d the vector between two grains then, that vector now is d + e d_y along x plus
-        the difference of their ways, and |d_y| is at most `widest` plus both ways if they touch.
+        displacement: with the flow; built: where it was then; time [s]: since the launch began, as the strain itself
+        may be changing. With e the strain and d the vector between two grains then, that vector now is d + e d_y along x plus
+        the difference of their displacements, and |d_y| is at most `widest` plus both displacements if they touch.
         """
         strain = self.strain_before[0] + self.shear_rate[0] * time
-        way[0] -= strain * built[1]
-        return way, (half_skin - 0.5 * ti.abs(strain) * self.widest[0]) / (1.0 + ti.abs(strain))
+        displacement[0] -= strain * built[1]
+        return displacement, (half_skin - 0.5 * ti.abs(strain) * self.widest[0]) / (1.0 + ti.abs(strain))
 
     @ti.func
     def straightened(self, x):
@@ -175,4 +177,6 @@ def check_shear(scene):
         raise InputError(f"Scene.shear_rate: {rate:g} s-1 with {wrong}, which would change the mean flow")
     if not (scene.integrator.half_step):
         name = scene.integrator.__name__
-        raise InputError(f"Scene.shear_rate: {rate:g} s-1 with {name}, which books no work; must be a Verlet scheme")
+        raise InputError(
+            f"Scene.shear_rate: {rate:g} s-1 with {name}, which does not account for the work; must be a Verlet scheme"
+        )

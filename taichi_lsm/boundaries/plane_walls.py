@@ -1,7 +1,7 @@
 """Plane walls: rigid half-spaces of infinite mass that rest or move at a constant velocity.
 
-A grain touches a wall with its deepest point. Whatever its shape that point is unique, so that the laws of contact act
-there as between two grains, the second of which has no curvature and cannot be moved.
+A grain touches a wall with its deepest point. Whatever its shape that point is unique, so that the effects act there
+as between two grains, the second of which has no curvature and cannot be moved.
 """
 
 from dataclasses import dataclass
@@ -69,16 +69,16 @@ def check_walls(scene):
             raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it")
 
 
-def contact_rows(history, onset):
+def contact_rows(spec):
     """Schema rows of a grain at a wall, by persistent id times the number of walls plus the wall."""
     rows = [
-        Variable("row_status", ("row",), "i8", "1", "as of a pair of grains", True),
+        Variable("row_status", ("row",), "i8", "1", "as that of a pair of grains", True),
         Variable("row_force", ("row", "space"), "real", "N", "force on the wall", True),
     ]
-    if onset:
+    if spec.onset:
         rows.append(Variable("row_impulse", ("row", "space"), "real", "N s", "impulse on the wall", True))
-    if history:
-        rows.append(Variable("row_history", ("row", "history"), "real", "1", "values kept by the laws", True))
+    if spec.history:
+        rows.append(Variable("row_history", ("row", "history"), "real", "1", "values kept by the effects", True))
     return rows
 
 
@@ -86,16 +86,15 @@ def contact_rows(history, onset):
 class Walls:
     """State of all walls and of the grains at them.
 
-    history: numbers that the laws remember of a contact; onset: contacts begin and end with impulses. The rows of the
-    grains go by id: they stay where they are when slots are re-sorted.
+    The rows of the grains go by id: they stay where they are when slots are re-sorted.
     """
 
-    def __init__(self, walls, grains, history, onset):
+    def __init__(self, spec, walls, grains):
+        self.spec = spec
         self.names = [wall.name for wall in walls]
         self.count, self.dim, self.real = len(walls), grains.dim, current().real
-        self.onset = onset
-        self.rows = contact_rows(history, onset)
-        sizes, capacity = {"space": self.dim, "history": history}, grains.slot_of.shape[0]
+        self.rows = contact_rows(spec)
+        sizes, capacity = {"space": self.dim, "history": spec.history}, grains.slot_of.shape[0]
         fields = vars(allocate(WALL_ROWS, self.count, sizes))
         for name, field in {**fields, **vars(allocate(self.rows, self.count * capacity, sizes))}.items():
             setattr(self, name, field)
@@ -131,23 +130,22 @@ class Walls:
 
     def snapshot(self):
         """{name: array (wall, ...)} of displacement [m], velocity [m s-1], force [N] of the grains, its sum over steps
-        [N], in which impulses count as force over dt, and work [J] of what moves the walls."""
+        [N], in which impulses count as force over dt, and work [J] of what moves the walls.
+        """
         return {name: np.array([getattr(self, name)[w] for w in range(self.count)]) for name in PUBLISHED}
 
     @ti.func
-    def go_on(self, forces: ti.template(), done, last_dt, dt):
-        """End the last step of last_dt [s], if it is `done`, by summing the forces; let the walls drift for dt [s]."""
-        if done:
-            self.gather(forces, last_dt)
+    def drift(self, dt):
+        """Let the walls drift for dt [s]."""
         for w in range(self.count):
             self.displacement[w] = self.displacement[w] + self.velocity[w] * dt
 
     @ti.func
     def gather(self, forces: ti.template(), dt):
-        """Sum the forces on each wall in rising ids and book the work of what moves it.
+        """Sum the forces on each wall in rising ids and add up the work of what moves it.
 
         dt [s]: step that ended with these forces, 0 at the start of a run. The work is that of the mean force of the
-        step's two ends, as of the laws.
+        step's two ends, as for the effects.
         """
         count = forces.grains.count[None]
         for w in range(self.count):
@@ -159,7 +157,7 @@ class Walls:
                         r = i * self.count + w
                         if self.row_status[r]:
                             force += self.row_force[r]
-                            if ti.static(self.onset):
+                            if ti.static(self.spec.onset):
                                 if self.row_status[r] & HAS_IMPULSE:
                                     impulse += self.row_impulse[r]
             if dt > 0.0:
@@ -181,24 +179,24 @@ class Walls:
 
     @ti.func
     def contact(self, forces: ti.template(), k, w, dt):
-        """(contact of grain k with wall w as the laws see it, depth [m], negative if apart, arm [m], feature)."""
+        """(contact of grain k with wall w as the effects see it, depth [m], negative if apart, arm [m], feature)."""
         g = forces.grains
         n = -ti.cast(self.normal[w], self.real)
         feature, radius = 0, g.radius[k]
         point = radius * n
-        if ti.static(forces.shaped):
+        if ti.static(self.spec.shaped):
             feature = forces.geometry.surface.feature_along(g.shape_index[k], k, n)
             point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, g.orientation[k], n)
         depth = point.dot(n) - ti.cast(self.height(w, g.position[k]), self.real)
         arm = point - 0.5 * depth * n
         v = ti.cast(self.velocity[w] - g.velocity[k], self.real)
-        about_normal = 0.0 * depth
-        if ti.static(forces.rotates):
+        normal_angular_velocity = 0.0 * depth
+        if ti.static(self.spec.rotates):
             omega = ti.cast(g.angular_velocity[k], self.real)
             v -= rotational_velocity(omega, arm)
             if ti.static(self.dim == 3):
-                about_normal = 0.5 * omega.dot(n)
-        contact = forces.make_contact(v, n, depth, g.inverse_mass[k], about_normal, dt)
+                normal_angular_velocity = 0.5 * omega.dot(n)
+        contact = forces.make_contact(v, n, depth, g.inverse_mass[k], normal_angular_velocity, dt)
         if ti.static("reduced_radius" in forces.needs):
             contact.reduced_radius = radius
         if ti.static("relative_angular_velocity" in forces.needs):
@@ -206,7 +204,7 @@ class Walls:
         return contact, depth, arm, feature
 
     @ti.func
-    def touch(self, forces: ti.template(), k, dt):
+    def evaluate(self, forces: ti.template(), k, dt):
         """Contacts of grain k with all walls, added to the sums of its row. Glued grains feel no walls."""
         g = forces.grains
         if g.platen_index[k] < 0:
@@ -214,16 +212,16 @@ class Walls:
                 r = g.id[k] * self.count + w
                 near = self.height(w, g.position[k]) < g.radius[k] - forces.geometry.least_depth()
                 if near or self.row_status[r] != 0:
-                    self.press(forces, k, w, r, dt)
+                    self.wall_contact(forces, k, w, r, dt)
 
     @ti.func
-    def press(self, forces: ti.template(), k, w, r, dt):
+    def wall_contact(self, forces: ti.template(), k, w, r, dt):
         """Force, torque and impulse of wall w on grain k, stored in row r as those on the wall."""
         g = forces.grains
         contact, depth, arm, feature = self.contact(forces, k, w, dt)
-        was = ti.cast(self.row_status[r], ti.i32)
+        previous_status = ti.cast(self.row_status[r], ti.i32)
         least = forces.geometry.least_depth()
-        if depth > least or was != 0:
+        if depth > least or previous_status != 0:
             if self.height(w, g.position[k]) <= 0.0:
                 forces.geometry.error_flags.report(WALL, g.id[k], w)
             for effect in ti.static(forces.contact_effects):
@@ -231,19 +229,19 @@ class Walls:
             f = contact.normal_force * contact.normal + contact.tangential_force
             self.row_force[r] = f
             g.force[k] = g.force[k] - f
-            if ti.static(forces.rotates):
-                turning = torque_of(arm, contact.tangential_force)
-                if ti.static(forces.shaped):  # else the normal force goes through the centre
-                    turning = torque_of(arm, f)
+            if ti.static(self.spec.rotates):
+                torque = torque_of(arm, contact.tangential_force)
+                if ti.static(self.spec.shaped):  # else the normal force goes through the centre
+                    torque = torque_of(arm, f)
                 if ti.static(forces.adds_moment):
-                    turning += contact.contact_moment
-                g.torque[k] = g.torque[k] - turning
+                    torque += contact.contact_moment
+                g.torque[k] = g.torque[k] - torque
             status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
-            if ti.static(forces.reaches):
+            if ti.static(self.spec.reaches):
                 status += ti.select(depth > least, ACTING, 0)
-            if ti.static(self.onset):
+            if ti.static(self.spec.onset):
                 touching = ti.cast(contact.touching, ti.i32)
-                if touching != was & TOUCHING:
+                if touching != previous_status & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
                     inverse_effective_mass = forces.correction.mobility(k, torque_of(arm, contact.normal))
                     size = forces.correction.impulse(touching, depth, last, earlier, inverse_effective_mass, dt)
@@ -251,33 +249,33 @@ class Walls:
                         status += HAS_IMPULSE
                         self.row_impulse[r] = size * contact.normal
                         g.has_impulse[k] = ti.cast(1, ti.i8)
-                        if ti.static(forces.has_angular_impulse):
+                        if ti.static(self.spec.has_angular_impulses):
                             g.angular_impulse[k] = g.angular_impulse[k] - torque_of(arm, size * contact.normal)
             self.row_status[r] = ti.cast(status, ti.i8)
-            self.marked[g.id[k] // BLOCK] = 1  # whoever comes first writes the same
+            self.marked[g.id[k] // BLOCK] = 1  # all threads write the same
 
     @ti.func
     def apply(self, forces: ti.template(), contact: ti.template(), effect: ti.template(), k, r):
-        """Add one law to the contact, with its history in row r, and book what it dissipates."""
+        """Add one effect to the contact, with its history in row r, and what it dissipates to its channel."""
         g = forces.grains
         lost = 0.0 * contact.depth
         if ti.static(effect.history_size(self.dim) > 0):
             memory = self.history_of(forces, effect, r)
             lost = effect.on_contact(contact, memory)
-            first, size = ti.static(forces.history_slice(effect))
+            begin, size = ti.static(forces.history_slice(effect))
             for c in ti.static(range(size)):
-                self.row_history[r][first + c] = memory[c]
+                self.row_history[r][begin + c] = memory[c]
         else:
             lost = effect.on_contact(contact, 0)
-        if ti.static(forces.track_dissipation and effect.dissipates):
+        if ti.static(self.spec.tracks_dissipation and effect.dissipates):
             channel = ti.static(forces.channel_of(effect))
             g.dissipated[k][channel] = g.dissipated[k][channel] + ti.cast(lost, ti.f64)
 
     @ti.func
     def history_of(self, forces: ti.template(), effect: ti.template(), r):
-        """The law's own values of row r."""
-        first, size = ti.static(forces.history_slice(effect))
-        return ti.Vector([self.row_history[r][first + c] for c in range(size)], self.real)
+        """The effect's own values of row r."""
+        begin, size = ti.static(forces.history_slice(effect))
+        return ti.Vector([self.row_history[r][begin + c] for c in range(size)], self.real)
 
     @ti.func
     def impulse_on(self, forces: ti.template(), k):
@@ -298,7 +296,7 @@ class Walls:
         height_2 = height_1 - (g.last_velocity[k] - v).dot(normal) * dt
         top_1 = g.radius[k]
         top_2 = top_1
-        if ti.static(forces.shaped):
+        if ti.static(self.spec.shaped):
             turn = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
             point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, turn, n)
             top_1 = point.dot(n)

@@ -47,8 +47,8 @@ class Platens:
         for p, ids in zip(platens, glued, strict=True):
             if len(ids) == 0:
                 raise InputError(f"platen {p.name!r}: no grain is glued to it")
-        self.first = [int(n) for n in np.concatenate([[0], np.cumsum([len(g) for g in glued])])]
-        self.glued = self.first[-1]
+        self.first_member = [int(n) for n in np.concatenate([[0], np.cumsum([len(g) for g in glued])])]
+        self.glued = self.first_member[-1]
         self.member = ti.field(ti.i32, self.glued)
         self.glued_mass = np.array([mass[ids].sum() for ids in glued])
         shape = self.count
@@ -78,6 +78,11 @@ class Platens:
                 masses[p, axis] = getattr(drive, "inertia", masses[p, axis])
         for p, mass in enumerate(masses):
             self.mass[p] = mass
+
+    def clear(self):
+        """Forget displacements, velocities, forces, work and stretches: a run starts again."""
+        for row in (*self.state, self.force):
+            row.fill(0.0)
 
     def _write(self, p, axis, drive):
         if hasattr(drive, "check_step"):
@@ -109,7 +114,7 @@ class Platens:
 
     @ti.func
     def kick(self, dt):
-        """Advance the platens' velocities by one step and book the work of their drives."""
+        """Advance the platens' velocities by one step and add up the work of their drives."""
         for p in ti.static(range(self.count)):
             for axis in ti.static(range(self.dim)):
                 v, work, lost = self.driven(p, axis, dt)
@@ -143,11 +148,11 @@ class Platens:
         """Sum the contact forces on each platen, in rising ids of its grains; impulses count as force over dt."""
         for p in ti.static(range(self.count)):
             total = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
-            for m in range(ti.static(self.first[p]), ti.static(self.first[p + 1])):
-                force, torque, kick, angular_impulse = forces.gathered(self.grains.slot_of[self.member[m]])
-                total += force
-                if ti.static(forces.onset):
-                    total += kick / dt
+            for m in range(ti.static(self.first_member[p]), ti.static(self.first_member[p + 1])):
+                load = forces.total_load(self.grains.slot_of[self.member[m]])
+                total += load.force
+                if ti.static(forces.spec.onset):
+                    total += load.impulse / dt
             self.force[p] = total
             self.force_sum[p] = self.force_sum[p] + total
             self.force_square_sum[p] = self.force_square_sum[p] + total * total

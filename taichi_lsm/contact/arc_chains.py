@@ -10,7 +10,7 @@ from .error_flags import OVERLAP
 from .primitives import SPHERE_OVERLAP_LIMIT, cone_step, cone_violation, cross2, sphere_overlap
 
 PART_ROWS = [
-    Variable("first", ("part",), "i32", "1", "first patch of the part"),
+    Variable("first_row", ("part",), "i32", "1", "first patch of the part"),
     Variable("patches", ("part",), "i32", "1", "number of patches of the part"),
 ]
 PATCH_ROWS = [
@@ -40,7 +40,7 @@ class ChainTable:
         counts = np.array([p.patch_count for p in parts])
         first = np.concatenate([[0], np.cumsum(counts + 1)])
         closed = [np.append(np.arange(n), 0) for n in counts]
-        fill_rows(self.first, first[:-1])
+        fill_rows(self.first_row, first[:-1])
         fill_rows(self.patches, counts)
         fill_rows(self.centre, np.concatenate([p.centre[i] for p, i in zip(parts, closed)]))
         fill_rows(self.patch_radius, np.concatenate([p.radius[i] for p, i in zip(parts, closed)]))
@@ -75,7 +75,7 @@ class ChainContact:
     def placed(self, a, b, k, l, i, j, d, q_k, q_l):
         """`facing` of grains that are turned otherwise than now."""
         g, t = self.grains, self.table
-        row_i, row_j = t.first[a] + i, t.first[b] + j
+        row_i, row_j = t.first_row[a] + i, t.first_row[b] + j
         q_k, q_l = ti.cast(q_k, self.real), ti.cast(q_l, self.real)
         p_i = rotate(q_k, t.centre[row_i]) * g.diameter[k]
         w = d + rotate(q_l, t.centre[row_j]) * g.diameter[l] - p_i
@@ -87,7 +87,7 @@ class ChainContact:
     def arc_towards(self, a, k, u):
         """The arc of part a of grain k whose normals hold the direction u (world frame)."""
         g, t = self.grains, self.table
-        first = t.first[a]
+        first = t.first_row[a]
         u_k = unrotate(ti.cast(g.orientation[k], self.real), u)
         arc = 0
         for i in range(t.patches[a]):
@@ -104,9 +104,10 @@ class ChainContact:
     @ti.func
     def surface_point(self, a, k, i, turn, n):
         """(point with the normal n of arc i of part a, continued as a circle, from the centre of grain k turned by
-        `turn`; its radius) [m]."""
+        `turn`; its radius) [m].
+        """
         g, t = self.grains, self.table
-        row = t.first[a] + i
+        row = t.first_row[a] + i
         radius = t.patch_radius[row] * g.diameter[k]
         return rotate(ti.cast(turn, self.real), t.centre[row]) * g.diameter[k] + radius * n, radius
 
@@ -125,7 +126,7 @@ class ChainContact:
         if i < 0:
             i, j = self.arc_towards(a, k, d / d.norm()), self.arc_towards(b, l, -d / d.norm())
         n_i, n_j = t.patches[a], t.patches[b]
-        first_i, first_j = t.first[a], t.first[b]
+        first_i, first_j = t.first_row[a], t.first_row[b]
         cap = g.overlap_limit[k] + g.overlap_limit[l]
         x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
         limit = n_i + n_j
@@ -160,7 +161,7 @@ class ChainContact:
         t = self.table
         time = 0.0 * rate
         if t.patches[a] > 1:
-            row = t.first[a] + i
+            row = t.first_row[a] + i
             step, _ = cone_step(u, t.seam[row], t.seam[row + 1])
             if step < 0 and rate < 0.0:
                 time = cross2(t.seam[row], u) / rate
@@ -171,20 +172,22 @@ class ChainContact:
     @ti.func
     def continued(self, a, b, k, l, features, d, q_k, q_l, n):
         """(depth [m], unit normal, contact point relative to grain k [m]) of arcs continued as circles, for grains
-        placed otherwise than now."""
+        placed otherwise than now.
+        """
         x, depth, n, u_k, u_l = self.placed(a, b, k, l, features[0], features[1], d, q_k, q_l)
         return depth, n, x
 
     @ti.func
     def crossing(self, a, b, k, l, d, before, unused, dt):
         """What the arcs `before`, continued as circles, give now: (fraction of the step since the contact left them,
-        depth [m], unit normal, contact point relative to grain k [m])."""
+        depth [m], unit normal, contact point relative to grain k [m]).
+        """
         g, t = self.grains, self.table
         i, j = before[0], before[1]
         x, depth, n, u_k, u_l = self.facing(a, b, k, l, i, j, d)
         omega_k, omega_l = ti.cast(g.angular_velocity[k], self.real), ti.cast(g.angular_velocity[l], self.real)
-        p_i = x - n * (t.patch_radius[t.first[a] + i] * g.diameter[k] - 0.5 * depth)
-        p_j = x - d + n * (t.patch_radius[t.first[b] + j] * g.diameter[l] - 0.5 * depth)
+        p_i = x - n * (t.patch_radius[t.first_row[a] + i] * g.diameter[k] - 0.5 * depth)
+        p_j = x - d + n * (t.patch_radius[t.first_row[b] + j] * g.diameter[l] - 0.5 * depth)
         w = p_j + d - p_i
         v = (
             ti.cast(g.velocity[l] - g.velocity[k], self.real)
@@ -202,16 +205,17 @@ class ChainContact:
         """Radii of curvature [m] of both surfaces where they face each other."""
         g, t = self.grains, self.table
         feature = ti.max(self.pairs.feature[s], 0)
-        r_i = t.patch_radius[t.first[a] + feature[0]] * g.diameter[k]
-        return r_i, t.patch_radius[t.first[b] + feature[1]] * g.diameter[l]
+        r_i = t.patch_radius[t.first_row[a] + feature[0]] * g.diameter[k]
+        return r_i, t.patch_radius[t.first_row[b] + feature[1]] * g.diameter[l]
 
     @ti.func
     def least_violation(self, a, b, k, l, d, cap):
         """Of all pairs of arcs less deep than the cap the first whose cones both hold the direction between them,
-        else the one that misses by least."""
+        else the one that misses by least.
+        """
         g, t = self.grains, self.table
         n_i, n_j = t.patches[a], t.patches[b]
-        first_i, first_j = t.first[a], t.first[b]
+        first_i, first_j = t.first_row[a], t.first_row[b]
         best_i, best_j = 0, 0
         least = ti.cast(4.0, self.real)
         for i in range(n_i):

@@ -11,7 +11,7 @@ from .feature_pairs import around, core_point, stationary_normal
 from .primitives import SPHERE_OVERLAP_LIMIT
 
 PART_ROWS = [
-    Variable("first", ("part",), "i32", "1", "first feature of the part"),
+    Variable("first_row", ("part",), "i32", "1", "first feature of the part"),
     Variable("features", ("part",), "i32", "1", "number of features of the part"),
     Variable("dilation", ("part",), "real", "1", "radius that rounds edges and vertices"),
 ]
@@ -52,12 +52,13 @@ class PolyhedronTable:
 
     def fill(self, parts):
         """Write the table; the parts must fit the capacity it was made with. Each part ends with a row that only says
-        where its last bounds end."""
+        where its last bounds end.
+        """
         tables = [_features(p) for p in parts]
         counts = np.array([len(t["feature_radius"]) for t in tables])
         bounds = np.array([len(t["bound_offset"]) for t in tables])
         before = np.cumsum(bounds) - bounds
-        fill_rows(self.first, np.cumsum(counts + 1) - counts - 1)
+        fill_rows(self.first_row, np.cumsum(counts + 1) - counts - 1)
         fill_rows(self.features, counts)
         fill_rows(self.dilation, np.array([p.overlap_limit for p in parts]))
 
@@ -113,7 +114,7 @@ class PolyhedronContact:
     def placed(self, a, f, k, orientation):
         """Feature f of part a in the world: centre from grain k's, unit axis, ring radius, surface radius [m]."""
         g, t = self.grains, self.table
-        row = t.first[a] + f
+        row = t.first_row[a] + f
         turn = ti.cast(orientation, self.real)
         rho = t.ring_radius[row] * g.diameter[k]
         axis = t.ring_axis[row]
@@ -125,7 +126,7 @@ class PolyhedronContact:
     def worst_bound(self, a, f, u):
         """(by how much the body direction u leaves the cone of feature f of part a, the feature beyond) [-]."""
         t = self.table
-        row = t.first[a] + f
+        row = t.first_row[a] + f
         worst = ti.cast(-2.0, self.real)
         beyond = f
         for c in range(t.first_bound[row], t.first_bound[row + 1]):
@@ -159,7 +160,8 @@ class PolyhedronContact:
     @ti.func
     def surface_point(self, a, k, f, turn, n):
         """(point with the normal n of feature f of part a, continued beyond its bounds, from the centre of grain k
-        turned by `turn`; its radius) [m]."""
+        turned by `turn`; its radius) [m].
+        """
         c, axis, rho, radius = self.placed(a, f, k, turn)
         return c + core_point(n, axis, rho) + radius * n, radius
 
@@ -216,7 +218,7 @@ class PolyhedronContact:
     def leaving(self, a, f, u, u_before):
         """Part of the step since the body direction u, once u_before, left the cone of feature f of part a; or 0."""
         t = self.table
-        row = t.first[a] + f
+        row = t.first_row[a] + f
         part = 0.0 * u[0]
         for c in range(t.first_bound[row], t.first_bound[row + 1]):
             miss = t.bound[c].dot(u) - t.offset[c]
@@ -228,7 +230,8 @@ class PolyhedronContact:
     @ti.func
     def continued(self, a, b, k, l, features, d, q_k, q_l, n):
         """(depth [m], unit normal, contact point from k [m]) of features continued past their bounds,
-        for grains placed otherwise than now; depth -1 where there is none. The normal n starts the search."""
+        for grains placed otherwise than now; depth -1 where there is none. The normal n starts the search.
+        """
         c_i, axis_i, rho_i, r_i = self.placed(a, features[0], k, q_k)
         c_j, axis_j, rho_j, r_j = self.placed(b, features[1], l, q_l)
         n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)
@@ -240,7 +243,8 @@ class PolyhedronContact:
     @ti.func
     def crossing(self, a, b, k, l, d, before, last_n, dt):
         """What the features `before`, continued beyond their bounds, give now: (fraction of the step since the contact
-        left them, depth [m], unit normal, contact point relative to grain k [m])."""
+        left them, depth [m], unit normal, contact point relative to grain k [m]).
+        """
         g = self.grains
         q_k, q_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
         depth, n, x = self.continued(a, b, k, l, before, d, g.orientation[k], g.orientation[l], last_n)

@@ -126,7 +126,7 @@ class SparseGrid:
                 step = code % 3 - 1
                 code = code // 3
                 # with two cells along a periodic axis the left neighbour is the right one, with one it is home
-                if step != 0 and self.cells[axis] <= 1 or step < 0 and self.cells[axis] == 2:
+                if (step != 0 and self.cells[axis] <= 1) or (step < 0 and self.cells[axis] == 2):
                     skip = 1
                 cell[axis] = self.wrapped(cell[axis] + step, axis)
             if skip == 0:

@@ -2,19 +2,20 @@
 
 The compiler turns a loop into SIMD instructions only if it can prove that what the loop writes is nothing it reads.
 It cannot for fields, which all hang on pointers in memory, but it can for local arrays. So a block of pairs is worked
-on in stages: fields are gathered into lanes, the arithmetic runs over lanes alone, and results are scattered back.
-Laws stay scalar functions of one contact. The bits do not depend on the lanes: each holds one contact.
+on in stages: fields are gathered into the block, the arithmetic runs over the block alone, and results are scattered
+back. Effects stay scalar functions of one contact. The bits do not depend on the blocks: each place holds one contact.
 """
 
+from ..core.fields import rotation_size
 from ..core.runtime import current, ti
 
-WIDTH = 32  # pairs of a block: enough to fill the SIMD lanes, few enough to compile soon
+WIDTH = 32  # pairs of a block: enough to fill SIMD registers, few enough to compile soon
 AXIS = tuple(f"_{axis}" for axis in range(64))  # endings of the names of components
-PAD = 8  # loops over lanes run to a multiple, so that no scalar remainder is left; lanes beyond hold stale numbers
+PAD = 8  # loops over a block run to a multiple, so that no scalar remainder is left; places beyond hold stale numbers
 
 
 def block_width():
-    """Pairs of a block; one on a GPU, where neighbouring threads are the lanes."""
+    """Pairs of a block; one on a GPU, where neighbouring threads play their part."""
     return WIDTH if current().arch == "cpu" else 1
 
 
@@ -30,22 +31,52 @@ def block_type(scalars, vectors, integers):
     return ti.types.struct(**members, **dict.fromkeys(integers, whole))
 
 
+def contact_block_type(spec, needs, channels, crosses_seams):
+    """Struct of what a block holds of each contact: only what the effects of a scene need.
+
+    branch [m]: from centre to centre; normal, depth [m]; velocity [m s-1]: of the second grain against the first, at
+    the contact for shaped grains, of the centres for spheres; lost [J]: a component for each of the `channels` of
+    dissipated energy; memory: one for each number of the history; previous_status: that of the last step. needs: names
+    of optional inputs of the effects; crosses_seams: features of the last step are compared with those of this one.
+    """
+    dim, rotation = spec.dim, rotation_size(spec.dim)
+    scalars = ["depth", "inverse_mass"]
+    vectors = {"branch": dim, "normal": dim, "velocity": dim, "force": dim, "lost": channels, "memory": spec.history}
+    integers = ["slot", "previous_status", "near", "status"]
+    scalars += ["reduced_radius"] if "reduced_radius" in needs else []
+    if not spec.shaped:
+        scalars += ["radius_sum"]
+    if spec.rotates:
+        vectors |= {"torque_k": rotation, "torque_l": rotation}
+        if spec.shaped:
+            relative = "relative_angular_velocity"
+            scalars += ["normal_angular_velocity"]
+            vectors |= {"arm_k": dim, "arm_l": dim, relative: rotation if relative in needs else 0}
+        else:
+            scalars += ["radius_k", "radius_l"]
+            vectors |= {"omega_k": rotation, "omega_l": rotation}
+    if crosses_seams:
+        integers += ["feature_k", "feature_l"]
+        vectors |= {"last_normal": dim if spec.remembers_normal else 0}
+    return block_type(scalars, vectors, integers)
+
+
 @ti.func
 def put(block: ti.template(), name: ti.template(), i, a: ti.template()):
-    """Write vector `a` to place i of the lanes `name`."""
+    """Write vector `a` to place i of the arrays `name`."""
     for axis in ti.static(range(a.n)):
         block[name + AXIS[axis]][i] = a[axis]
 
 
 @ti.func
 def get(block: ti.template(), name: ti.template(), i, size: ti.template()):
-    """Vector of `size` components at place i of the lanes `name`."""
+    """Vector of `size` components at place i of the arrays `name`."""
     return ti.Vector([block[name + AXIS[axis]][i] for axis in range(size)])
 
 
 @ti.func
 def padded(count):
-    """Lanes to work on so that `count` of them are done: a multiple that the compiler can see."""
+    """Places to work on so that `count` of them are done: a multiple that the compiler can see."""
     result = count
     if ti.static(block_width() >= PAD):
         result = (count + (PAD - 1)) // PAD * PAD

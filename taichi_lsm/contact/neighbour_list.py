@@ -24,7 +24,7 @@ class NeighbourList:
         ti.loop_config(serialize=self.serial)
         for k in range(n):
             for s in range(p.row_start[k], p.row_start[k + 1]):
-                p.keep(s)
+                p.save_slot(s)
         ti.loop_config(serialize=True)
         for k in range(n + 1):
             p.old_start[k] = p.row_start[k]
@@ -36,15 +36,15 @@ class NeighbourList:
             first = p.row_start[k]
             self.search.visit(k, first, p, True)
             g.built_position[k] = g.position[k]
-            if ti.static(self.search.domain.sheared):
+            if ti.static(p.spec.sheared):
                 self.search.domain.built_strain[0] = self.search.domain.strain[0]
-            if ti.static(p.multi_part):
+            if ti.static(p.spec.multi_part):
                 g.built_orientation[k] = g.orientation[k]
             old = g.previous_slot[k]
             o = p.old_start[old]
             end = p.old_start[old + 1]
             for s in range(first, p.row_start[k + 1]):  # both rows rise in partner id and part: a merge
-                p.first[s] = k
+                p.first_slot[s] = k
                 order = -1
                 while o < end and order < 0:
                     order = p.rank(o, s)
@@ -77,7 +77,7 @@ class NeighbourList:
         for k in range(n + 1):
             p.cursor[k] = 0
         for s in range(p.row_start[n]):
-            l = p.partner[s]
+            l = p.second_slot[s]
             p.cursor[l] = p.cursor[l] + 1
         for k in range(n):
             p.column_start[k + 1] = p.column_start[k] + p.cursor[k]
@@ -85,15 +85,14 @@ class NeighbourList:
         for i in range(n):  # rows in rising id, so that each column rises in the id of the first grain
             k = g.slot_of[i]
             for s in range(p.row_start[k], p.row_start[k + 1]):
-                l = p.partner[s]
+                l = p.second_slot[s]
                 p.column[p.cursor[l]] = s
                 p.cursor[l] = p.cursor[l] + 1
 
 
-def grown(pairs, dim, grain_capacity, rotates, capacity):
+def grown(pairs, capacity):
     """Larger storage with the rows of `pairs` copied, so that a rebuild can carry their memory over."""
-    kind, history, onset, multi_part = pairs.kind, pairs.history_size, pairs.onset, pairs.multi_part
-    larger = Pairs(dim, grain_capacity, capacity, rotates, kind, history, onset, multi_part)
+    larger = Pairs(pairs.spec, pairs.row_start.shape[0] - 1, capacity)
     for name in ["row_start"] + [v.name for v in pairs.variables]:
         raw = getattr(larger, name).to_numpy()
         small = getattr(pairs, name).to_numpy()

@@ -17,18 +17,18 @@ ROOM = 12  # partners that are noted while they are counted; longer rows are sea
 class NeighbourSearch:
     """Finds the pairs nearer than the sum of bounding radii plus the skin [m], with the help of a sparse grid."""
 
-    def __init__(self, grains, domain, skin, parts=None, bonds=None):
+    def __init__(self, spec, grains, domain, skin, parts=None, bonds=None):
+        self.spec = spec
         self.grains = grains
         self.domain = domain
-        self.parts, self.multi_part = parts, parts is not None
-        self.bonds, self.bonded = bonds, bonds is not None
+        self.parts, self.bonds = parts, bonds
         self.real, self.serial = current().real, current().serial
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
-        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if self.multi_part else self.row_count
+        self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if spec.multi_part else self.row_count
         self.trouble = ti.field(ti.i32, 3)  # 1 + id of a grain that is nowhere, of a crushed platen, of one that jumps
         self.fastest = ti.field(ti.f64, ())
         self.searches = 0
@@ -54,7 +54,7 @@ class NeighbourSearch:
                 near = 0
                 if g.platen_index[k] != g.platen_index[l] and d.dot(d) < reach * reach:
                     self.trouble[1] = g.id[k] + 1
-        if ti.static(self.bonded):
+        if ti.static(self.spec.bonds > 0):
             if near == 1:
                 near -= self.bonds.joined(g.id[k], g.id[l])
         return near
@@ -96,7 +96,7 @@ class NeighbourSearch:
         """Number of pairs that grain l adds to the row of grain k, which begins at s and holds `found` pairs."""
         g = self.grains
         more = 1
-        if ti.static(self.multi_part):
+        if ti.static(self.spec.multi_part):
             more = 0
             for a in range(self.parts.count[g.shape_index[k]]):
                 for b in range(self.parts.count[g.shape_index[l]]):
@@ -120,15 +120,15 @@ class NeighbourSearch:
         """Put grain l into the row that begins at slot s and holds `found` pairs, in the order of ids and parts."""
         g = self.grains
         at = s + found
-        while at > s and p.partner_id[at - 1] > g.id[l]:
-            p.partner_id[at] = p.partner_id[at - 1]
-            p.partner[at] = p.partner[at - 1]
-            if ti.static(self.multi_part):
+        while at > s and p.second_id[at - 1] > g.id[l]:
+            p.second_id[at] = p.second_id[at - 1]
+            p.second_slot[at] = p.second_slot[at - 1]
+            if ti.static(self.spec.multi_part):
                 p.part_code[at] = p.part_code[at - 1]
             at -= 1
-        p.partner_id[at] = g.id[l]
-        p.partner[at] = l
-        if ti.static(self.multi_part):
+        p.second_id[at] = g.id[l]
+        p.second_slot[at] = l
+        if ti.static(self.spec.multi_part):
             p.part_code[at] = code
 
     @ti.kernel
@@ -144,7 +144,7 @@ class NeighbourSearch:
             while k >= 0:
                 self.note_trouble(k, jump)
                 self.found_count[k] = self.search(k, lists, number)
-                if ti.static(self.multi_part):
+                if ti.static(self.spec.multi_part):
                     self.row_count[k] = self.visit(k, 0, 0, False)
                 k = self.grid.next[k] - 1
         total = 0
@@ -160,12 +160,12 @@ class NeighbourSearch:
         if not ti.abs(g.position[k]).sum() < FAR:
             self.trouble[0] = g.id[k] + 1
         v = g.velocity[k]
-        if ti.static(self.domain.sheared):
+        if ti.static(self.spec.sheared):
             v[0] -= self.domain.shear_rate[0] * g.position[k][1]
         speed = v.norm()
         if g.platen_index[k] < 0 and speed * jump > g.radius[k]:
             self.trouble[2] = g.id[k] + 1
-        if ti.static(self.multi_part):
+        if ti.static(self.spec.multi_part):
             fastest = ti.abs(g.angular_velocity[k][0]) if ti.static(self.dim == 2) else g.angular_velocity[k].norm()
             speed += fastest * g.radius[k]
         ti.atomic_max(self.fastest[None], speed)
@@ -211,12 +211,12 @@ class NeighbourSearch:
         """SimulationError which says that grain k moves by more than `limit` radii in a step of dt [s]."""
         g = self.grains
         v = g.column("velocity")[k] - self.domain.mean_flow(g.column("position"))[k]
-        way = float(np.linalg.norm(v) * dt / g.column("radius")[k])
+        displacement = float(np.linalg.norm(v) * dt / g.column("radius")[k])
         return SimulationError(
-            f"grain {k} moves by {way:.3g} of its bounding radius in one step, allowed is {limit:g}; "
-            f"use dt <= {limit / way * dt:g} s, or softer impacts",
+            f"grain {k} moves by {displacement:.3g} of its bounding radius in one step, allowed is {limit:g}; "
+            f"use dt <= {limit / displacement * dt:g} s, or softer impacts",
             grains=[k],
-            values={"displacement": way, "limit": limit},
+            values={"displacement": displacement, "limit": limit},
         )
 
 

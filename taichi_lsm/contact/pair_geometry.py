@@ -11,33 +11,32 @@ class PairGeometry:
     """Distances and overlaps of the pairs of the list.
 
     surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one; reach
-    [m]: distance of the surfaces up to which a law acts, 0 if all need them to touch.
-    A depth that reaches its cap, where no pair of patches faces each other uniquely any more, goes to `error_flags`.
+    [m]: distance of the surfaces up to which an effect acts, 0 if all need them to touch.
+    A depth that reaches the overlap limit, where no pair of patches faces each other uniquely any more, is reported
+    to `error_flags`.
     """
 
-    def __init__(self, grains, surfaces, parts, domain, pairs, error_flags, reach=0.0):
+    def __init__(self, spec, grains, surfaces, parts, domain, pairs, error_flags, reach=0.0):
+        self.spec = spec
         self.grains, self.domain, self.pairs, self.error_flags = grains, domain, pairs, error_flags
-        self.parts, self.multi_part = parts, parts is not None
-        self.shaped = surfaces is not None
-        if self.shaped:
+        self.parts = parts
+        if spec.shaped:
             self.surface = surfaces.contact(grains, pairs, error_flags, domain)
         self.real = current().real
         self.dim = grains.dim
-        self.reaches = reach > 0.0
-        if self.reaches:
+        if spec.reaches:
             self.reach = ti.field(self.real, ())
             when_allocated(lambda: self.set_reach(reach))
-        self.remembers = pairs.remembers_feature
 
     def set_reach(self, reach):
-        """Choose the distance of the surfaces [m] up to which laws act."""
+        """Choose the distance of the surfaces [m] up to which effects act."""
         self.reach[None] = reach
 
     @ti.func
     def least_depth(self):
-        """Depth [m] above which laws act on a pair: negative if one of them has a reach."""
+        """Depth [m] above which effects act on a pair: negative if one of them has a reach."""
         least = ti.cast(0.0, self.real)
-        if ti.static(self.reaches):
+        if ti.static(self.spec.reaches):
             least = -self.reach[None]
         return least
 
@@ -45,7 +44,7 @@ class PairGeometry:
     def reduced_radius(self, k, l, s):
         """R_k R_l/(R_k + R_l) of the radii of curvature where the grains of slot s touch [m]."""
         r_k, r_l = self.grains.radius[k], self.grains.radius[l]
-        if ti.static(self.shaped):
+        if ti.static(self.spec.shaped):
             a, b = self.parts_of(k, l, s)
             r_k, r_l = self.surface.radii(a, b, k, l, s)
         return r_k * r_l / (r_k + r_l)
@@ -60,13 +59,13 @@ class PairGeometry:
         """Velocity of the centre of the nearest image of grain l against that of grain k [m s-1]."""
         g = self.grains
         v = g.velocity[l] - g.velocity[k]
-        if ti.static(self.domain.sheared):
+        if ti.static(self.spec.sheared):
             v[0] -= self.domain.border_speed(g.position[k], g.position[l])
         return ti.cast(v, self.real)
 
     @ti.func
     def add_shear_work(self, k, moment):
-        """Enter the work -rate sigma_xy V dt of shearing; moment [N m s]: part of sigma_xy V dt of grain k's row."""
+        """Add the work -rate sigma_xy V dt of shearing; moment [N m s]: what grain k's row adds to sigma_xy V dt."""
         g = self.grains
         g.shear_work[k] = g.shear_work[k] - self.domain.shear_rate[0] * moment
 
@@ -75,37 +74,39 @@ class PairGeometry:
         """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
         g = self.grains
         a, b = g.shape_index[k], g.shape_index[l]
-        if ti.static(self.multi_part):
+        if ti.static(self.spec.multi_part):
             code = self.pairs.part_code[s]
-            a = self.parts.first[a] + code // PART_BASE
-            b = self.parts.first[b] + code % PART_BASE
+            a = self.parts.first_row[a] + code // PART_BASE
+            b = self.parts.first_row[b] + code % PART_BASE
         return a, b
 
     @ti.func
     def near(self, k, l, s, d):
-        """Do the bounding spheres of slot s meet, Eq. (1)? d = c_l - c_k [m]. Shaped grains that were a gap apart
-        are not near until their surfaces have travelled so far that they may touch."""
+        """1 if the bounding spheres of slot s, d = c_l - c_k apart [m], overlap, Eq. (1), else 0.
+
+        Shaped grains that were a gap apart are not near until their surfaces have travelled so far that they may touch.
+        """
         g = self.grains
-        meet = d.dot(d) < (g.radius[k] + g.radius[l] - self.least_depth()) ** 2
-        if ti.static(self.multi_part):
+        near = d.dot(d) < (g.radius[k] + g.radius[l] - self.least_depth()) ** 2
+        if ti.static(self.spec.multi_part):
             code = self.pairs.part_code[s]
-            meet = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()
-        if ti.static(self.remembers):
-            meet = meet and g.travel[k] + g.travel[l] >= self.pairs.free_until[s]
-        return ti.cast(meet, ti.i32)
+            near = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()
+        if ti.static(self.spec.remembers_features):
+            near = near and g.travel[k] + g.travel[l] >= self.pairs.free_until[s]
+        return ti.cast(near, ti.i32)
 
     @ti.func
-    def overlap(self, k, l, s, d, was):
+    def overlap(self, k, l, s, d, previous_status):
         """(depth [m], normal k -> l, arm_k, arm_l [m]) of grains d = c_l - c_k apart; depth < 0 if they are apart.
 
-        Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`was`) is looked at.
+        Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`previous_status`) is examined.
         """
         g = self.grains
         depth = ti.cast(-1.0, self.real)
         n, arm_k, arm_l = 0.0 * d, 0.0 * d, 0.0 * d
         r_k, r_l = g.radius[k], g.radius[l]
-        if d.dot(d) < (r_k + r_l - self.least_depth()) ** 2 or was != 0:
-            if ti.static(self.shaped):
+        if d.dot(d) < (r_k + r_l - self.least_depth()) ** 2 or previous_status != 0:
+            if ti.static(self.spec.shaped):
                 a, b = self.parts_of(k, l, s)
                 depth, n, arm_k = self.surface.overlap(a, b, k, l, s, d)
             else:
@@ -119,7 +120,7 @@ class PairGeometry:
 
     @ti.func
     def check_overlap_limit(self, k, l, depth):
-        """Report two spheres whose depth [m] reached their cap."""
+        """Report two spheres whose depth [m] reached their overlap limit."""
         g = self.grains
         if depth >= SPHERE_OVERLAP_LIMIT * (g.radius[k] + g.radius[l]):
             self.error_flags.report(OVERLAP, g.id[k], g.id[l])
@@ -129,8 +130,8 @@ class PairGeometry:
         """(features, normal) of list slot s before the step, as far as the geometry keeps them."""
         features = ti.Vector([0, 0])
         n = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
-        if ti.static(self.remembers):
+        if ti.static(self.spec.remembers_features):
             features = self.pairs.feature[s]
-            if ti.static(self.pairs.remembers_normal):
+            if ti.static(self.spec.remembers_normal):
                 n = self.pairs.normal[s]
         return features, n

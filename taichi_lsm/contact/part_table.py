@@ -8,7 +8,7 @@ from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
 
 SHAPE_ROWS = [
-    Variable("first", ("shape",), "i32", "1", "first part of the shape"),
+    Variable("first_row", ("shape",), "i32", "1", "first part of the shape"),
     Variable("count", ("shape",), "i32", "1", "number of parts of the shape"),
 ]
 BALL_ROWS = [
@@ -38,7 +38,7 @@ class PartTable:
         """Write the table; the shapes must fit the capacity it was made with."""
         counts = np.array([len(s.parts) for s in shapes])
         bounds = [s.part_bounds() for s in shapes]
-        fill_rows(self.first, np.cumsum(counts) - counts)
+        fill_rows(self.first_row, np.cumsum(counts) - counts)
         fill_rows(self.count, counts)
         fill_rows(self.centre, np.concatenate([centre for centre, _ in bounds]))
         fill_rows(self.bound, np.concatenate([radius for _, radius in bounds]))
@@ -47,7 +47,7 @@ class PartTable:
     def apart(self, k, l, a, b, d):
         """Distance of the bounding balls of part a of grain k and part b of grain l, d = c_l - c_k [m]."""
         g = self.grains
-        i, j = self.first[g.shape_index[k]] + a, self.first[g.shape_index[l]] + b
+        i, j = self.first_row[g.shape_index[k]] + a, self.first_row[g.shape_index[l]] + b
         c_i = rotate(ti.cast(g.orientation[k], self.real), self.centre[i]) * g.diameter[k]
         c_j = rotate(ti.cast(g.orientation[l], self.real), self.centre[j]) * g.diameter[l]
         return (d + c_j - c_i).norm() - self.bound[i] * g.diameter[k] - self.bound[j] * g.diameter[l]

@@ -49,7 +49,8 @@ def cone_step(u, low, high):
 @ti.func
 def cone_violation(u, low, high):
     """How far the unit direction `u` lies outside the arc [-]: 0 inside, the sine of the angle to the nearer seam,
-    2 if it points away from the arc altogether."""
+    2 if it points away from the arc altogether.
+    """
     miss = ti.max(0.0, ti.max(-cross2(low, u), -cross2(u, high)))
     if u.dot(low + high) < 0.0:
         miss = 0.0 * miss + 2.0

@@ -10,7 +10,7 @@ CURVED = ("sphere", "chain")  # kinds with one radius of curvature at every cont
 
 
 def kind_of(shapes):
-    """sphere | chain | polyhedron | cones. Discs and spheres go with every kind. Raises InputError for a mixture."""
+    """Sphere | chain | polyhedron | cones. Discs and spheres go with every kind. Raises InputError for a mixture."""
     first = {}
     for shape in shapes:
         if shape.patch_count > 1 or shape.kind == "cones":  # the cone of a single patch need not be all directions

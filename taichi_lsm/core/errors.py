@@ -5,7 +5,7 @@ class SimulationError(RuntimeError):
     """A run could not be completed: it diverged, overflowed a table or lost a grain.
 
     step: number of the step it stopped in, None if not known; grains: persistent ids of the grains at fault;
-    values: {name: number} that the message quotes; saved: files that hold the state, see `Simulation.keep`.
+    values: {name: number} that the message quotes; saved: files that hold the state, see `Simulation.keep_checkpoints`.
     """
 
     def __init__(self, message, step=None, grains=(), values=None):

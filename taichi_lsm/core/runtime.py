@@ -117,7 +117,7 @@ def _refuse_overflow():
     if last >= MOST_NODES:
         raise InputError(
             f"this process has declared {last} Taichi nodes of {MOST_NODES}: there is no room for another simulation; "
-            "use Simulation.load for scenes of the same make-up, or a process of its own"
+            "use Simulation.reset for scenes of the same make-up, or a process of its own"
         )
 
 

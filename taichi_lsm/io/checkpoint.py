@@ -17,7 +17,7 @@ from ..core.errors import InputError
 from ..core.fields import rounded_capacity
 from ..core.schema import Variable
 
-FORMAT = 1
+FORMAT = 2
 COUNTERS = ("step", "rebuilds")
 LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
 PLATEN_ROWS = tuple(
@@ -43,7 +43,7 @@ def save_checkpoint(sim, path):
     """Write the state of `sim` to the NetCDF file `path`, which appears whole or not at all."""
 
     def fill(file):
-        file.setncatts(_make_up(sim))
+        file.setncatts(_identity(sim))
         for name in COUNTERS:
             file.setncattr(name, np.int64(getattr(sim, name)))
         file.searches = np.int64(sim.search.searches)
@@ -58,7 +58,7 @@ def save_checkpoint(sim, path):
 def restore_checkpoint(sim, path):
     """Put `sim`, made from the same scene, into the state saved at `path`.
 
-    Raises InputError if the file is missing or broken, or belongs to a simulation of another make-up.
+    Raises InputError if the file is missing or broken, or belongs to a simulation of another scene.
     """
     path = Path(path)
     if not path.is_file():
@@ -69,23 +69,20 @@ def restore_checkpoint(sim, path):
             _require_same(sim, path, file)
             if file.pair_capacity > sim.pairs.capacity:
                 capacity = int(file.pair_capacity)
-                sim._compose(grown(sim.pairs, sim.scene.dim, sim.grains.slot_of.shape[0], sim.rotates, capacity))
+                sim.compose(grown(sim.pairs, capacity))
             for group, rows, owner, _ in _tables(sim):
                 _read(file[group], rows, owner, path)
             for name in COUNTERS:
                 setattr(sim, name, int(file.getncattr(name)))
             sim.search.searches = int(file.searches)
-            sim._dt = float(file.dt)
+            sim.set_time_step(float(file.dt))
     except (OSError, IndexError, AttributeError, KeyError) as error:
         raise InputError(f"checkpoint {path}: not a whole checkpoint ({error})") from None
-    sim.integrator.dt[None] = sim._dt
-    for flag in (sim.integrator.moved, sim.integrator.halted, sim.integrator.steps_done):
-        flag[None] = 0
-    sim.error_flags.clear()
+    sim.clear_flags()
     sim.monitor.begin()
     if sim.walls:
         sim.walls.mark_all()
-    if sim.domain.sheared:
+    if sim.spec.sheared:
         sim.domain.set_shear(sim.domain.shear_rate[0], sim.domain.widest[0], sim.domain.strain[0])
     grains = sim.grains
     grains.set_order(grains.id.to_numpy()[: len(grains)])
@@ -106,7 +103,7 @@ def _tables(sim):
     if sim.platens:
         rows = [*PLATEN_ROWS, DRIVE_ROW] + ([SPRING_ROW] if sim.platens.springs else [])
         tables.append(("platens", rows, sim.platens, sim.platens.count))
-    if sim.domain.sheared:
+    if sim.spec.sheared:
         tables.append(("cell", SHEAR_ROWS, sim.domain, 1))
     if sim.walls:
         tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
@@ -114,7 +111,7 @@ def _tables(sim):
     return tables
 
 
-def _make_up(sim):
+def _identity(sim):
     """What two simulations must share, as attributes of the file."""
     scene = sim.scene
     return {
@@ -134,7 +131,7 @@ def _make_up(sim):
 
 
 def _require_same(sim, path, file):
-    for name, mine in _make_up(sim).items():
+    for name, mine in _identity(sim).items():
         if name not in file.ncattrs():
             raise InputError(f"checkpoint {path}: not a checkpoint, {name} is missing")
         theirs = file.getncattr(name)

@@ -14,7 +14,7 @@ class LayerRecorder:
     """Writes what a `ShearedLayer` measures. Use as a context manager: an exception leaves a file that says so.
 
     A long run leaves its last good state in checkpoint.nc; one that a guard stops also its state at the stop, in
-    stopped.nc and as the last snapshot of grains.nc (`Simulation.keep`).
+    stopped.nc and as the last snapshot of grains.nc (`Simulation.keep_checkpoints`).
 
     out: folder. title, summary: of the files. config_toml: merged parameters. seed: of the packing.
     """
@@ -26,7 +26,7 @@ class LayerRecorder:
         attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
         flags = {"flag_values": np.arange(len(STAGES), dtype=np.int32), "flag_meanings": " ".join(STAGES)}
         out = Path(out)
-        sim.keep(out)
+        sim.keep_checkpoints(out)
         self.run = RunWriter(
             out / "run.nc",
             layer_rows(sim.bonds is not None),
@@ -41,7 +41,7 @@ class LayerRecorder:
             out / "grains.nc",
             _constants(sim.scene),
             static_rows(dim, sim.bonds is not None),
-            snapshot_rows(dim, rotates=sim.rotates, oriented=oriented, bonded=sim.bonds is not None),
+            snapshot_rows(dim, rotates=sim.spec.rotates, oriented=oriented, bonded=sim.bonds is not None),
             attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
         )
 
@@ -60,7 +60,7 @@ class LayerRecorder:
     def _snapshot(self, time):
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
-        if self.sim.rotates:
+        if self.sim.spec.rotates:
             angular_velocity = state.angular_velocity.to_numpy()
             arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity
         if self.sim.grains.has("orientation"):

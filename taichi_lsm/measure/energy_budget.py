@@ -31,7 +31,8 @@ class Energies(NamedTuple):
 
 def energies(sim, sums=None, platens=None):
     """Energies of `sim` now; sums, platens: what `sim.measure.sums` and `sim.platens.snapshot` returned just now, if
-    that is known."""
+    that is known.
+    """
     sums = sim.measure.sums() if sums is None else sums
     kinetic = sums["translational_energy"] + sums["rotational_energy"]
     dissipated = sum(value for name, value in sums.items() if name.startswith("dissipated_"))

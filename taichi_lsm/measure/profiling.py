@@ -2,6 +2,7 @@
 
 import time
 
+from ..core.errors import InputError
 from ..core.runtime import ti
 
 REPEATS = 20  # of a stage per launch
@@ -9,7 +10,7 @@ TURNS = 5  # launches of each stage, in turn; the medians count
 
 
 @ti.data_oriented
-class StepStages:
+class StageTimer:
     """The stages of a step, each by itself, in one thread, with a time step of zero: the state stays as it is.
 
     Only the impulses of the last step are forgotten and sums over the platens counted again, so that a run should not
@@ -18,7 +19,7 @@ class StepStages:
 
     def __init__(self, sim):
         self.forces, self.integrator, self.grains = sim.forces, sim.integrator, sim.grains
-        self.platens, self.driven = sim.platens, sim.platens is not None
+        self.stages, self.platens, self.loop, self.spec = sim.stages, sim.platens, sim.step_loop, sim.spec
 
     @ti.kernel
     def drift(self, repeats: ti.i32):
@@ -26,7 +27,7 @@ class StepStages:
         for _ in range(repeats):
             for k in range(self.grains.count[None]):
                 if self.grains.platen_index[k] < 0:
-                    self.integrator.advance(k, 0)
+                    self.stages.drift_mobile(k, 0)
 
     @ti.kernel
     def contacts(self, repeats: ti.i32):
@@ -34,13 +35,13 @@ class StepStages:
         for t in range(1):
             block = self.forces.block(0)
             for _ in range(repeats):
-                self.forces.rows(block, 0, self.grains.count[None], 0.0)
+                self.forces.evaluate_rows(block, 0, self.grains.count[None], 0.0)
 
     @ti.kernel
     def platen_sums(self, repeats: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(repeats):
-            if ti.static(self.driven):
+            if ti.static(self.spec.platens > 0):
                 self.platens.gather(self.forces, 1.0)
 
     def seconds(self):
@@ -51,7 +52,7 @@ class StepStages:
             "contacts": self.contacts,  # first: it clears impulses, which every drift would apply once more
             "gather, integrate": self.drift,
             "platens": self.platen_sums,
-            "launch": lambda repeats: [self.integrator.steps(0, 0, 0.0) for _ in range(repeats)],
+            "launch": lambda repeats: [self.loop.empty_launch() for _ in range(repeats)],
         }
         taken = {name: [] for name in stages}
         for turn in range(TURNS + 1):
@@ -65,20 +66,20 @@ class StepStages:
 
 
 def profile(sim):
-    """Where the time of a run went, as rows (what, part of all seconds, nanoseconds per grain and step).
+    """Where the time of a run went, as rows (what, share of all seconds, nanoseconds per grain and step).
 
     Indented rows are the stages of a step. They are timed once more, one by one and in one thread, at the end of the
-    run, whose state should not be used afterwards. Raises ValueError if no step was made.
+    run, whose state should not be used afterwards. Raises InputError if no step was made.
     """
     grain_steps = sim.step * len(sim)
     total = sum(sim.seconds.values())
     if not grain_steps:
-        raise ValueError("profile: no step was made")
+        raise InputError("profile: no step was made, run the simulation first")
     rows = []
     for name, seconds in sim.seconds.items():
         rows.append((name, seconds / total, seconds / grain_steps * 1e9))
-        if name == "steps" and not sim.integrator.offloaded:
-            stages = StepStages(sim).seconds()
+        if name == "steps" and hasattr(sim.step_loop, "empty_launch"):
+            stages = StageTimer(sim).seconds()
             launches = stages.pop("launch")
             rows += [(f"  {n}", s * sim.step / total, s / len(sim) * 1e9) for n, s in stages.items() if s * 1e9 > 100]
             rows.append(("  launch", launches * sim.launches / total, launches * sim.launches / grain_steps * 1e9))

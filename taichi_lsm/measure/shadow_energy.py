@@ -16,19 +16,19 @@ class ShadowEnergy:
 
     H plus this is the shadow energy of velocity Verlet (backward error analysis). U'' is the second derivative of the
     elastic energy along the free flight of the grains: k d'^2 + k d d'' for springs, d'' holds the turning of the
-    normal. The energy H ripples around the shadow energy by a bounded amount of order dt^2; what the shadow energy
+    normal. The energy H oscillates around the shadow energy by a bounded amount of order dt^2; what the shadow energy
     does is the true drift. Velocities are synchronised; conservative scenes only. Sums go by rising id.
     """
 
     def __init__(self, sim):
-        if sim.walls or sim.domain.sheared:
+        if sim.walls or sim.spec.sheared:
             raise InputError("ShadowEnergy: knows neither walls nor a sheared cell, but the scene has them")
         self.forces, self.integrator, self.grains, self.pairs = sim.forces, sim.integrator, sim.grains, sim.pairs
+        self.spec = sim.spec
         capacity = self.grains.slot_of.shape[0]
-        self.oriented = self.grains.has("orientation")
         self.term = ti.field(ti.f64, capacity)
         self.start = ti.Vector.field(self.grains.dim, ti.f64, capacity)
-        self.turn = ti.Vector.field(self.grains.sizes["orientation"], ti.f64, capacity)
+        self.start_orientation = ti.Vector.field(self.grains.sizes["orientation"], ti.f64, capacity)
 
     @ti.kernel
     def kinetic_terms(self):
@@ -36,15 +36,15 @@ class ShadowEnergy:
         for k in range(g.count[None]):
             total = ti.cast(0.0, ti.f64)
             if g.platen_index[k] < 0:
-                force, torque, impulse, angular_impulse = self.forces.gathered(k)
-                total -= force.dot(force) * g.inverse_mass[k] / 24.0
-                if ti.static(self.forces.rotates):
-                    torque = self.integrator.principal(k, torque)
+                load = self.forces.total_load(k)
+                total -= load.force.dot(load.force) * g.inverse_mass[k] / 24.0
+                if ti.static(self.spec.rotates):
+                    torque = self.integrator.principal(k, load.torque)
                     total -= (torque * torque * g.inverse_inertia[k]).sum() / 24.0
             self.term[k] = total
             self.start[k] = g.position[k]
-            if ti.static(self.oriented):
-                self.turn[k] = g.orientation[k]
+            if ti.static(self.spec.oriented):
+                self.start_orientation[k] = g.orientation[k]
 
     @ti.kernel
     def fly(self, time: ti.f64):
@@ -52,16 +52,16 @@ class ShadowEnergy:
         g = self.grains
         for k in range(g.count[None]):
             g.position[k] = self.start[k]
-            if ti.static(self.oriented):
-                g.orientation[k] = self.turn[k]
+            if ti.static(self.spec.oriented):
+                g.orientation[k] = self.start_orientation[k]
             if time != 0.0:
                 v, omega = self.integrator.synchronised(k)
                 g.position[k] += v * time
-                if ti.static(self.integrator.tumbles):
+                if ti.static(self.spec.tumbles):
                     inverse = ti.cast(g.inverse_inertia[k], ti.f64)
                     momentum = self.integrator.momentum(k)
                     g.orientation[k] = free_rotor(g.orientation[k], momentum, inverse, time)
-                elif ti.static(self.oriented):
+                elif ti.static(self.spec.oriented):
                     g.orientation[k] = advanced_orientation(g.orientation[k], omega, time)
 
     @ti.kernel
@@ -69,12 +69,12 @@ class ShadowEnergy:
         """Add the elastic energy of each grain's row, times `weight`, to its term."""
         g, pairs = self.grains, self.pairs
         for k in range(g.count[None]):
-            if ti.static(self.forces.bonded):
-                for b in range(self.forces.bonds.lead[g.id[k]], self.forces.bonds.lead[g.id[k] + 1]):
+            if ti.static(self.spec.bonds > 0):
+                for b in range(self.forces.bonds.first_bond[g.id[k]], self.forces.bonds.first_bond[g.id[k] + 1]):
                     self.term[k] += weight * self.forces.bonds.energy(b)
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                 if pairs.status[s] & TOUCHING:
-                    l = pairs.partner[s]
+                    l = pairs.second_slot[s]
                     d = self.forces.geometry.shortest(k, l)
                     depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 1)
                     # a contact that begins or ends within the flight counts as if it went on: U'' jumps there

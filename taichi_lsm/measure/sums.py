@@ -16,10 +16,10 @@ EVERYWHERE = 1e300  # [m], a slab without bounds; infinity times a gradient of z
 class Measure:
     """One pass over the state. `sums()` returns {name: value}, SI, velocities synchronised with positions.
 
-    translational_energy, rotational_energy [J] of mobile grains; energy_<law> [J] stored and dissipated_<law> [J]
-    booked by each law; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
-    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its cap); bond_count (intact ones,
-    in scenes with bonds);
+    translational_energy, rotational_energy [J] of mobile grains; energy_<effect> [J] stored and dissipated_<effect> [J]
+    lost by each effect; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
+    grains, twice for a pair of them); sliding_count; deepest (greatest depth over its overlap limit); bond_count
+    (intact ones, in scenes with bonds);
     stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
     at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
     In a sheared cell velocities are relative to the mean flow, in translational_energy too, and shear_work [J] is what
@@ -27,18 +27,20 @@ class Measure:
     """
 
     def __init__(self, forces, integrator):
-        self.forces, self.integrator = forces, integrator
+        self.forces, self.integrator, self.spec = forces, integrator, forces.spec
         self.grains, self.pairs, self.dim = forces.grains, forces.pairs, forces.dim
         self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
         self.pulls = [e for e in forces.body_effects if hasattr(type(e), "grain_energy")]
         self.names = ["translational_energy", "rotational_energy"]
-        self.bonds, self.bonded = forces.bonds, forces.bonded
-        self.held = [forces.bonds.effect] if self.bonded else []
+        self.bonds = forces.bonds
+        self.held = [forces.bonds.effect] if self.spec.bonds > 0 else []
         self.names += [f"energy_{e.name}" for e in self.stores + self.held + self.pulls]
-        if forces.track_dissipation:
+        if forces.spec.tracks_dissipation:
             self.names += [f"dissipated_{e.name}" for e in forces.channels]
-        self.names += ["shear_work"] if forces.domain.sheared else []
-        self.names += ["contact_count", "contact_ends", "sliding_count"] + (["bond_count"] if self.bonded else [])
+        self.names += ["shear_work"] if self.spec.sheared else []
+        self.names += ["contact_count", "contact_ends", "sliding_count"] + (
+            ["bond_count"] if self.spec.bonds > 0 else []
+        )
         self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
         self.at = {name: i for i, name in enumerate(self.names)}
         self.width = len(self.names)
@@ -49,14 +51,14 @@ class Measure:
 
     @ti.func
     def inside(self, y, reach, low, high):
-        """Part of the segment from y to y + reach that lies in the slab [-]."""
+        """Share of the segment from y to y + reach that lies in the slab [-]."""
         bottom, top = ti.min(y, y + reach), ti.max(y, y + reach)
-        part = ti.cast(0.0, ti.f64)
+        share = ti.cast(0.0, ti.f64)
         if top > bottom:
-            part = ti.max(0.0, ti.min(top, high) - ti.max(bottom, low)) / (top - bottom)
+            share = ti.max(0.0, ti.min(top, high) - ti.max(bottom, low)) / (top - bottom)
         elif bottom >= low and bottom < high:
-            part = 1.0
-        return part
+            share = 1.0
+        return share
 
     @ti.func
     def add_grain(self, k, low, high, velocity, gradient, total: ti.template()):
@@ -64,11 +66,11 @@ class Measure:
         if g.platen_index[k] < 0:
             m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
             v, omega = self.integrator.synchronised(k)
-            if ti.static(self.forces.domain.sheared):
+            if ti.static(self.spec.sheared):
                 v[0] -= self.forces.domain.shear_rate[0] * g.position[k][1]
                 total[ti.static(self.at["shear_work"])] += g.shear_work[k]
             total[0] += 0.5 * m * v.dot(v)
-            if ti.static(self.forces.rotates):
+            if ti.static(self.spec.rotates):
                 omega = self.integrator.principal(k, omega)
                 for c in ti.static(range(g.sizes["rotation"])):
                     total[1] += 0.5 * omega[c] * omega[c] / g.inverse_inertia[k][c]
@@ -81,7 +83,7 @@ class Measure:
                 v[0] -= velocity + gradient * (y - low)
                 for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
                     total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += m * v[a] * v[b]
-        if ti.static(self.forces.track_dissipation):
+        if ti.static(self.spec.tracks_dissipation):
             for effect in ti.static(self.forces.channels):
                 spent = g.dissipated[k][ti.static(self.forces.channel_of(effect))]
                 total[ti.static(self.at["dissipated_" + effect.name])] += spent
@@ -90,19 +92,19 @@ class Measure:
     def add_bond(self, b, low, high, total: ti.template()):
         """Energy and stress of bond b, if it is intact."""
         g, bonds = self.grains, self.bonds
-        k, l = g.slot_of[bonds.first[b]], g.slot_of[bonds.second[b]]
+        k, l = g.slot_of[bonds.first_id[b]], g.slot_of[bonds.second_id[b]]
         if bonds.intact[b] == 1:
             total[ti.static(self.at["bond_count"])] += 1.0
             total[ti.static(self.at["energy_" + bonds.effect.name])] += bonds.energy(b)
             d = bonds.domain.displacement(g.position[k], g.position[l])
-            part = self.inside(g.position[k][1], d[1], low, high)
+            share = self.inside(g.position[k][1], d[1], low, high)
             for a, c in ti.static(ti.ndrange(self.dim, self.dim)):
-                total[ti.static(self.at["stress_xx"] + a * self.dim + c)] += part * bonds.force[b][a] * d[c]
+                total[ti.static(self.at["stress_xx"] + a * self.dim + c)] += share * bonds.force[b][a] * d[c]
 
     @ti.func
     def add_contact(self, k, s, low, high, total: ti.template()):
         g, pairs = self.grains, self.pairs
-        l = pairs.partner[s]
+        l = pairs.second_slot[s]
         d = self.forces.geometry.shortest(k, l)
         depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
         contact = self.forces.contact_of(k, l, s, depth, n, arm_k, arm_l, 0.0)
@@ -117,13 +119,13 @@ class Measure:
         total[ti.static(self.at["contact_count"])] += touching
         total[ti.static(self.at["contact_ends"])] += touching * mobile
         total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] & SLIDING, 1.0, 0.0)
-        part = self.inside(g.position[k][1], d[1], low, high)
+        share = self.inside(g.position[k][1], d[1], low, high)
         for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
-            total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * pairs.pair_force[s][a] * d[b]
+            total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += share * pairs.pair_force[s][a] * d[b]
         limit = g.radius[k] + g.radius[l]
-        if ti.static(self.forces.shaped):
+        if ti.static(self.spec.shaped):
             limit = g.overlap_limit[k] + g.overlap_limit[l]
-        if ti.static(self.forces.domain.sheared):  # of the last step only half belongs to the time until now
+        if ti.static(self.spec.sheared):  # of the last step only half belongs to the time until now
             moment = 0.5 * self.integrator.dt[None] * pairs.pair_force[s][0] * d[1]
             total[ti.static(self.at["shear_work"])] += self.forces.domain.shear_rate[0] * moment
         return ti.cast(depth / limit, ti.f64)
@@ -131,7 +133,8 @@ class Measure:
     @ti.func
     def add_walls(self, k, low, high, total: ti.template()):
         """Contacts of grain k with the walls; their branch vectors go from its centre to the contact. Returns the
-        greatest depth over the bounding radius, beyond which its centre lies behind the wall."""
+        greatest depth over the bounding radius, beyond which its centre lies behind the wall.
+        """
         g, walls = self.grains, self.forces.walls
         deepest = ti.cast(0.0, ti.f64)
         for w in range(walls.count):
@@ -148,9 +151,9 @@ class Measure:
                 total[ti.static(self.at["contact_count"])] += contact.touching
                 total[ti.static(self.at["contact_ends"])] += contact.touching
                 total[ti.static(self.at["sliding_count"])] += ti.select(walls.row_status[r] & SLIDING, 1.0, 0.0)
-                part = self.inside(g.position[k][1], ti.cast(arm[1], ti.f64), low, high)
+                share = self.inside(g.position[k][1], ti.cast(arm[1], ti.f64), low, high)
                 for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
-                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += part * walls.row_force[r][a] * arm[b]
+                    total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += share * walls.row_force[r][a] * arm[b]
                 deepest = ti.max(deepest, depth / g.radius[k])
         return deepest
 
@@ -166,13 +169,13 @@ class Measure:
             for i in range(block * BLOCK, ti.min((block + 1) * BLOCK, count)):
                 k = g.slot_of[i]
                 self.add_grain(k, low, high, velocity, gradient, total)
-                if ti.static(self.bonded):
-                    for b in range(self.bonds.lead[i], self.bonds.lead[i + 1]):
+                if ti.static(self.spec.bonds > 0):
+                    for b in range(self.bonds.first_bond[i], self.bonds.first_bond[i + 1]):
                         self.add_bond(b, low, high, total)
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
                     if pairs.status[s] & (TOUCHING | ACTING):
                         deepest = ti.max(deepest, self.add_contact(k, s, low, high, total))
-                if ti.static(self.forces.walled):
+                if ti.static(self.spec.walls > 0):
                     deepest = ti.max(deepest, self.add_walls(k, low, high, total))
             self.block_sum[block] = total
             self.block_deepest[block] = deepest

@@ -118,8 +118,8 @@ def _targets(hull, vertices: NDArray, faces: int) -> list[tuple[NDArray, NDArray
         length = np.linalg.norm(total, axis=1)
         n[length > 0] = total[length > 0] / length[length > 0, None]
     n = n[length > 0]
-    gathered = (n, vertices[np.argmax(vertices @ n.T, axis=0)], False)
-    return [flat, gathered] if len(merged) <= FEW_MORE * faces else [gathered]
+    total_load = (n, vertices[np.argmax(vertices @ n.T, axis=0)], False)
+    return [flat, total_load] if len(merged) <= FEW_MORE * faces else [total_load]
 
 
 def _flat_faces(hull, vertices: NDArray) -> list[tuple[NDArray, NDArray]]:

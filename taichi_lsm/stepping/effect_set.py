@@ -1,4 +1,4 @@
-"""What the effects of a scene need, and a contact as they see it: composed at compile time."""
+"""The effects that a scene lists, what they need, and a contact as they see it: composed at compile time."""
 
 from ..core.rotation import rotational_velocity
 from ..core.runtime import ti
@@ -7,25 +7,23 @@ from ..effects.base import ON_CONTACTS, PHASES
 
 
 def sorted_by_phase(effects):
-    """Effects sorted by phase: tangential laws read the complete normal force."""
+    """Effects sorted by phase: tangential ones read the complete normal force."""
     return sorted(effects, key=lambda e: PHASES.index(e.phase))
 
 
 @ti.data_oriented
 class EffectSet:
-    """The laws that a scene lists, in the order in which they act.
+    """The effects that a scene lists, in the order in which they act.
 
     contact_effects: of contacts; body_effects, motion_effects: of grains; springs: effects whose onset is corrected;
     channels: effects that dissipate, in the order of the columns of `dissipated`, of which the first
     `contact_channel_count` act on contacts; needs: inputs that some effect wants.
     """
 
-    def __init__(self, geometry, effects, bonds=None):
+    def __init__(self, spec, geometry, effects, bonds=None):
+        self.spec = spec
         self.geometry, self.grains, self.pairs = geometry, geometry.grains, geometry.pairs
-        self.shaped, self.multi_part, self.reaches = geometry.shaped, geometry.multi_part, geometry.reaches
-        self.real, self.dim = geometry.real, geometry.dim
-        self.rotates, self.rotation_size = self.grains.has("angular_velocity"), self.grains.sizes["rotation"]
-        self.track_dissipation, self.onset = self.grains.has("dissipated"), self.pairs.onset
+        self.real, self.dim, self.rotation_size = geometry.real, spec.dim, self.grains.sizes["rotation"]
         self.contact_effects = [e for e in sorted_by_phase(effects) if e.phase in ON_CONTACTS]
         self.body_effects = [e for e in effects if e.phase == "body"]
         self.motion_effects = [e for e in effects if e.phase == "motion"]
@@ -33,30 +31,28 @@ class EffectSet:
         self.needs = {name for effect in self.contact_effects for name in effect.needs}
         self.adds_moment = any(effect.adds_moment for effect in self.contact_effects)
         self.contact_type = contact_type(self.dim, self.contact_effects)
-        contact_books = [e for e in self.contact_effects if e.dissipates]
-        self.channels = contact_books + [e for e in self.motion_effects if e.dissipates]
-        self.contact_channel_count = len(contact_books)
-        self.bonds, self.bonded = bonds, bonds is not None
-        if self.bonded:
-            bonds.channel = len(self.channels)
-            self.channels.append(bonds.effect)
+        self.bonds = bonds
+        of_contacts = [e for e in self.contact_effects if e.dissipates]
+        self.contact_channel_count = len(of_contacts)
+        self.channels = of_contacts + [e for e in self.motion_effects if e.dissipates]
+        self.channels += [e for e in effects if e.phase == "bond"]
 
     def history_slice(self, effect):
-        """(first, size) of a law's values in the pair's history."""
-        first = sum(e.history_size(self.dim) for e in self.contact_effects[: self.contact_effects.index(effect)])
-        return first, effect.history_size(self.dim)
+        """(begin, size) of an effect's values in the pair's history."""
+        begin = sum(e.history_size(self.dim) for e in self.contact_effects[: self.contact_effects.index(effect)])
+        return begin, effect.history_size(self.dim)
 
     def channel_of(self, effect):
-        """Column of the energy ledger in which a law books what it dissipates."""
+        """Column of `dissipated` that holds what an effect dissipates."""
         return self.channels.index(effect)
 
     @ti.func
     def contact_of(self, k, l, s, depth, n, arm_k, arm_l, dt):
-        """The kinematics of the contact in list slot s as the laws see it."""
+        """The kinematics of the contact in list slot s as the effects see it."""
         g = self.grains
         v = self.velocity_at(k, l, arm_k, arm_l)
         normal_angular_velocity = 0.0 * depth
-        if ti.static(self.rotates and self.dim == 3):
+        if ti.static(self.spec.rotates and self.dim == 3):
             normal_angular_velocity = 0.5 * n.dot(ti.cast(g.angular_velocity[k] + g.angular_velocity[l], self.real))
         contact = self.make_contact(v, n, depth, g.inverse_mass[k] + g.inverse_mass[l], normal_angular_velocity, dt)
         if ti.static("reduced_radius" in self.needs):
@@ -70,7 +66,7 @@ class EffectSet:
         """Velocity of grain l against grain k at the contact [m s-1]."""
         g = self.grains
         v = self.geometry.relative_velocity(k, l)
-        if ti.static(self.rotates):
+        if ti.static(self.spec.rotates):
             omega_k, omega_l = ti.cast(g.angular_velocity[k], self.real), ti.cast(g.angular_velocity[l], self.real)
             v += rotational_velocity(omega_l, arm_l) - rotational_velocity(omega_k, arm_k)
         return v
@@ -82,7 +78,7 @@ class EffectSet:
         v_n = v.dot(n)
         contact.touching = ti.cast(depth > 0.0, ti.i32)
         contact.depth = ti.max(depth, 0.0)
-        if ti.static(self.reaches):
+        if ti.static(self.spec.reaches):
             contact.gap = ti.max(-depth, 0.0)
         contact.normal = n
         contact.approach = -v_n
@@ -94,6 +90,6 @@ class EffectSet:
 
     @ti.func
     def history_of(self, effect: ti.template(), s):
-        """The law's own values of list slot s."""
-        first, size = ti.static(self.history_slice(effect))
-        return ti.Vector([self.pairs.history[s][first + c] for c in range(size)], self.real)
+        """The effect's own values of list slot s."""
+        begin, size = ti.static(self.history_slice(effect))
+        return ti.Vector([self.pairs.history[s][begin + c] for c in range(size)], self.real)

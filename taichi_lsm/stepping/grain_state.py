@@ -1,5 +1,8 @@
 """The state of the grains, allocated from schema rows."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..core.fields import NUMPY_TYPES, allocate, orientation_size, rotation_size, rounded_capacity
@@ -136,3 +139,29 @@ class Grains:
         previous = np.arange(self.slot_of.shape[0], dtype=np.int32)
         previous[: len(self)] = order
         self.previous_slot.from_numpy(previous)
+
+
+class StateView:
+    """`sim.state.<name>.to_numpy()`: a state row by persistent id. `from_numpy` writes one."""
+
+    def __init__(self, grains, changed):
+        self._grains, self._changed = grains, changed
+
+    def __getattr__(self, name):
+        if name.startswith("_") or not self._grains.has(name):
+            raise AttributeError(f"no state {name!r} in this scene; it has {', '.join(sorted(self._grains.variables))}")
+        return _Column(self._grains, name, self._changed)
+
+
+@dataclass(frozen=True)
+class _Column:
+    grains: Grains
+    name: str
+    changed: Callable
+
+    def to_numpy(self):
+        return self.grains.column(self.name)
+
+    def from_numpy(self, values):
+        self.grains.set_column(self.name, values)
+        self.changed()

@@ -1,7 +1,7 @@
-"""Looks after a running simulation: stops it when a limit of its `Guards` is passed.
+"""Watches a running simulation and stops it when a limit of its `Guards` is passed.
 
 Nothing is added to a step. A grain that moves by more than half the skin in one step asks for a new neighbour list,
-so that its speed is checked there; contacts, numbers and energies are looked at once in many steps.
+so that its speed is checked there; contacts, numbers and energies are checked once in many steps.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from ..core.errors import SimulationError
 from ..core.runtime import ti
 from ..measure.energy_budget import energies
 
-LOOK_STEPS = 1000  # between two looks at contacts and speeds
+CHECK_STEPS = 1000  # between two checks of contacts and speeds
 BALANCE_STEPS = 5000  # between two sums of the energies
 
 
@@ -24,26 +24,26 @@ class Monitor:
     """Checks a simulation against `scene.guards`; raises SimulationError with the step, the grains and the values."""
 
     def __init__(self, sim, former=None):
-        """former: the sentinel of `sim` with smaller storage, whose memory goes on."""
+        """former: the monitor of `sim` with smaller storage, whose memory goes on."""
         self.sim, self.grains, self.domain = sim, sim.grains, sim.domain
-        self.contacts = sim.search.row_count  # of each grain; between two searches its rows are free
-        self.oriented = sim.grains.has("orientation")
-        self.pairs, self.walls, self.walled = sim.pairs, sim.walls, sim.walls is not None
-        self.next_look = self.next_sum = self.look_steps = LOOK_STEPS
+        self.spec = sim.spec
+        self.contacts = ti.field(ti.i32, sim.grains.slot_of.shape[0])  # of each grain
+        self.pairs, self.walls = sim.pairs, sim.walls
+        self.next_check = self.next_sum = self.check_steps = CHECK_STEPS
         self.bodies = self.first = None
         self.highest = 0.0
         if former:
-            self.next_look, self.look_steps, self.next_sum = former.next_look, former.look_steps, former.next_sum
+            self.next_check, self.check_steps, self.next_sum = former.next_check, former.check_steps, former.next_sum
             self.bodies, self.first, self.highest = former.bodies, former.first, former.highest
 
     def begin(self):
-        """Start again: a scene was loaded. A step beyond that of a dense packing is looked at from the start on."""
-        self.next_look, self.look_steps = self.sim.step + LOOK_STEPS, LOOK_STEPS
+        """Start again: a run begins. A time step beyond that of a dense packing is checked from the start on."""
+        self.next_check, self.check_steps = self.sim.step + CHECK_STEPS, CHECK_STEPS
         self.bodies = None
         self.forget()
         guards, scene = self.sim.scene.guards, self.sim.scene
         if guards.step and scene.dt and not scene.dt <= guards.step * scene.step_bound(scene.bodies()):
-            self.look_steps = 1
+            self.check_steps = 1
             self._check_grains()
 
     def forget(self):
@@ -51,9 +51,10 @@ class Monitor:
         self.first, self.highest, self.next_sum = None, 0.0, self.sim.step + BALANCE_STEPS
 
     @ti.kernel
-    def look(self, result: ti.types.ndarray()):
+    def reduce(self, result: ti.types.ndarray()):
         """Fill `result`: [greatest sum of contacts/m over the two grains of a contact, their ids; greatest speed over
-        bounding radius, its id; id of a grain that is nowhere, or -1]."""
+        bounding radius, its id; id of a grain that is nowhere, or -1].
+        """
         g, p = self.grains, self.pairs
         n = g.count[None]
         crowd, first, second = ti.cast(0.0, ti.f64), 0, 0
@@ -62,16 +63,16 @@ class Monitor:
         for _ in range(1):
             for k in range(n):
                 self.contacts[k] = 0
-                if ti.static(self.walled):
+                if ti.static(self.spec.walls > 0):
                     for r in range(g.id[k] * self.walls.count, (g.id[k] + 1) * self.walls.count):
                         self.contacts[k] = self.contacts[k] + ti.cast(self.walls.row_status[r] != 0, ti.i32)
             for s in range(p.row_start[n]):
                 if p.status[s] & (TOUCHING | ACTING):
-                    self.contacts[p.first[s]] = self.contacts[p.first[s]] + 1
-                    self.contacts[p.partner[s]] = self.contacts[p.partner[s]] + 1
+                    self.contacts[p.first_slot[s]] = self.contacts[p.first_slot[s]] + 1
+                    self.contacts[p.second_slot[s]] = self.contacts[p.second_slot[s]] + 1
             for s in range(p.row_start[n]):
                 if p.status[s] & (TOUCHING | ACTING):
-                    k, l = p.first[s], p.partner[s]
+                    k, l = p.first_slot[s], p.second_slot[s]
                     sum_k, sum_l = self.per_mass(k), self.per_mass(l)
                     if sum_k + sum_l > crowd:
                         crowd, first, second = sum_k + sum_l, g.id[k], g.id[l]
@@ -80,11 +81,11 @@ class Monitor:
                     crowd, first, second = self.per_mass(k), g.id[k], g.id[k]
                 v, x = g.velocity[k], g.position[k]
                 size = ti.abs(x).sum() + ti.abs(v).sum()
-                if ti.static(self.oriented):
+                if ti.static(self.spec.oriented):
                     size += ti.abs(g.orientation[k]).sum()
                 if not size < FAR:
                     lost = g.id[k]
-                if ti.static(self.domain.sheared):
+                if ti.static(self.spec.sheared):
                     v[0] -= self.domain.shear_rate[0] * x[1]
                 if g.platen_index[k] < 0 and v.norm() > fastest * g.radius[k]:
                     fastest, fast = v.norm() / g.radius[k], g.id[k]
@@ -98,24 +99,24 @@ class Monitor:
         return ti.select(g.platen_index[k] < 0, self.contacts[k] * ti.cast(g.inverse_mass[k], ti.f64), 0.0)
 
     def check(self):
-        """Make the looks that are due."""
+        """Make the checks that are due."""
         step = self.sim.step
-        if step >= self.next_look:
-            self.next_look = step + self.look_steps
+        if step >= self.next_check:
+            self.next_check = step + self.check_steps
             self._check_grains()
         if step >= self.next_sum:
             self.next_sum = step + BALANCE_STEPS
             self._check_energy()
 
     def check_all(self):
-        """Look at everything now."""
+        """Check everything now."""
         self._check_grains()
         self._check_energy()
 
     def _check_grains(self):
         sim, guards = self.sim, self.sim.scene.guards
         result = np.zeros(6)
-        self.look(result)
+        self.reduce(result)
         crowd, k, l, fastest, fast, lost = result
         if guards.finite and lost >= 0:
             self._stop(f"grain {lost:.0f}: its position, velocity or orientation is not a number", [lost], {})
@@ -137,7 +138,7 @@ class Monitor:
     def _check_energy(self):
         sim, limit = self.sim, self.sim.scene.guards.energy
         pushes = any(not hasattr(type(e), "grain_energy") for e in sim.forces.body_effects)
-        if not limit or pushes:  # by forces without an energy, whose work nobody books
+        if not limit or pushes:  # by forces without an energy, whose work is not accounted for
             return
         now = energies(sim)
         self.first = first = self.first or now
@@ -155,7 +156,7 @@ class Monitor:
             )
 
     def check_error_flags(self):
-        """Stop at a fault that a kernel reported, unless its guard is off."""
+        """Stop at an error that a kernel reported, unless its guard is off."""
         found = self.sim.error_flags.taken()
         if found is None:
             return
@@ -165,7 +166,7 @@ class Monitor:
         if code == OVERLAP and guards.overlap:
             apart = sim.domain.apart(x[k], x[l])
             self._stop(
-                f"grains {k} and {l}: their overlap reached the cap at which the contact is no longer unique, their "
+                f"grains {k} and {l}: their overlap reached the limit at which the contact is no longer unique, their "
                 f"centres are {np.linalg.norm(apart):g} m apart; use stiffer grains or less stress",
                 [k, l],
                 {"distance": float(np.linalg.norm(apart))},

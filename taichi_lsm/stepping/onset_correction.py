@@ -13,15 +13,14 @@ GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the 
 
 @ti.data_oriented
 class OnsetCorrection:
-    """The impulses of one scene. geometry: PairGeometry; springs: laws with `onset_impulse`."""
+    """The impulses of one scene. geometry: PairGeometry; springs: effects with `onset_impulse`."""
 
-    def __init__(self, geometry, springs, contact_type):
+    def __init__(self, spec, geometry, springs, contact_type):
+        self.spec = spec
         self.geometry, self.springs, self.contact_type = geometry, springs, contact_type
         self.grains = geometry.grains
-        self.surface = geometry.surface if geometry.shaped else None
+        self.surface = geometry.surface if spec.shaped else None
         self.real = current().real
-        self.rotates, self.shaped = self.grains.has("angular_velocity"), geometry.shaped
-        self.tumbles = self.grains.has("angular_momentum")
 
     @ti.func
     def end_impulse(self, k, l, s, d, began, depth, n, arm_k, arm_l, dt):
@@ -37,7 +36,8 @@ class OnsetCorrection:
     @ti.func
     def impulse(self, began, depth, last, earlier, inverse_effective_mass, dt):
         """`end_impulse` from the depths [m] now, a step and two steps ago; ease [kg-1]: acceleration of the depth per
-        force."""
+        force.
+        """
         impulse = 0.0 * depth
         u, inside = (depth - last) / dt, depth
         acceleration = (u - (last - earlier) / dt) / dt
@@ -56,12 +56,12 @@ class OnsetCorrection:
         g = self.grains
         d_1 = d - self.geometry.relative_velocity(k, l) * dt
         v = g.last_velocity[l] - g.last_velocity[k]
-        if ti.static(self.geometry.domain.sheared):
+        if ti.static(self.spec.sheared):
             v[0] -= self.geometry.domain.border_speed(g.position[k], g.position[l])
         d_2 = d_1 - ti.cast(v, self.real) * dt
         depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
         depth_2 = g.radius[k] + g.radius[l] - d_2.norm()
-        if ti.static(self.shaped):
+        if ti.static(self.spec.shaped):
             a, b = self.geometry.parts_of(k, l, s)
             features = self.geometry.remembered(s)[0]
             q_k = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
@@ -77,7 +77,8 @@ class OnsetCorrection:
     @ti.func
     def passage(self, d, u, acceleration, dt):
         """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
-        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time."""
+        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time.
+        """
         now = u + 0.5 * acceleration * dt
         square = now * now - 2.0 * acceleration * d
         speed, time = 0.0 * d, dt
@@ -90,8 +91,8 @@ class OnsetCorrection:
     def mobility(self, k, lever):
         """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
         result = self.grains.inverse_mass[k]
-        if ti.static(self.rotates):
-            if ti.static(self.tumbles):  # to the axes that inverse_inertia belongs to
+        if ti.static(self.spec.rotates):
+            if ti.static(self.spec.tumbles):  # to the axes that inverse_inertia belongs to
                 lever = unrotate(ti.cast(self.grains.orientation[k], self.real), lever)
             result += (lever * lever * self.grains.inverse_inertia[k]).sum()
         return result

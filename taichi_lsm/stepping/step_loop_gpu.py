@@ -1,56 +1,81 @@
-"""The stages of a step as launches of their own with a thread per grain, for a GPU."""
+"""One step in a launch for each stage, with a thread for each grain: for a GPU, and on the CPU with the same bits."""
 
 from ..core.runtime import ti
 
+LAUNCHED_STEPS = 8  # before the flags are read
+
 
 @ti.data_oriented
-class Offloaded:
-    """Kernels of an integrator, which provides `advance`, `carry`, `move_walls` and what they work on."""
+class StepLoopGPU:
+    """Runs the stages of `StepStages` with a thread for each grain. Steps after one that halts do nothing."""
+
+    def __init__(self, stages):
+        self.stages, self.spec, self.forces = stages, stages.spec, stages.forces
+        self.scheme, self.validity, self.grains = stages.scheme, stages.validity, stages.grains
+
+    def launch(self, count):
+        """Make up to `count` steps, fewer if the list must be rebuilt."""
+        for _ in range(min(count, LAUNCHED_STEPS)):
+            self.step()
+
+    def finish_step(self):
+        """Contacts of a step that has drifted and then waited for a new list."""
+        self.contacts_only(self.scheme.dt[None])
+
+    def start(self):
+        """Contacts at the positions of the start of a run; no time passes."""
+        self.scheme.restart()
+        self.contacts_only(0.0)
 
     @ti.kernel
-    def step_offloaded(self):
-        """One step with a thread per grain, for a GPU; does nothing if the list must be rebuilt."""
-        if self.halted[None] == 0:
-            if ti.static(self.driven):
-                self.platens.kick(self.dt[None])
-            self.domain.note_strain()
-            self.move_walls(0, 1, 0, 0.0)
+    def step(self):
+        """One step; does nothing while the list must be rebuilt."""
+        # BOUNDARIES
+        if self.stages.halted[None] == 0:
+            if ti.static(self.spec.platens > 0):
+                self.stages.platens.kick(self.scheme.dt[None])
+            self.stages.domain.note_strain()
+            self.stages.drift_walls_and_cell(self.scheme.dt[None])
+        # DRIFT
         for k in range(self.grains.count[None]):
-            if self.halted[None] == 0:
+            if self.stages.halted[None] == 0:
                 if self.grains.platen_index[k] < 0:
-                    self.advance(k, 0)
-                elif ti.static(self.driven):
-                    self.carry(k, 0)
-        if ti.static(self.bonded):
+                    self.stages.drift_mobile(k, 0)
+                elif ti.static(self.spec.platens > 0):
+                    self.stages.drift_glued(k, 0)
+        # BONDS
+        if ti.static(self.spec.bonds > 0):
             for k in range(self.grains.count[None]):
-                if self.halted[None] == 0:
-                    if self.bonds.evaluate(k) == 1:
-                        self.moved[None] = 1
-        if self.halted[None] == 0:
-            if self.moved[None] == 1:
-                self.halted[None] = 1
+                if self.stages.halted[None] == 0:
+                    self.stages.evaluate_bonds(k, 0)
+        if self.stages.halted[None] == 0:
+            if self.validity.outdated[None] == 1:
+                self.stages.halted[None] = 1
             else:
-                self.steps_done[None] += 1
+                self.stages.steps_done[None] += 1
+        # CONTACTS
         for k in range(self.grains.count[None]):
-            if self.halted[None] == 0:
+            if self.stages.halted[None] == 0:
                 block = self.forces.block(0)
-                self.forces.rows(block, k, k + 1, self.dt[None])
-        if ti.static(self.driven):
-            if self.halted[None] == 0:
-                self.platens.gather(self.forces, self.dt[None])
-        if ti.static(self.walled):
-            if self.halted[None] == 0:
-                self.forces.walls.gather(self.forces, self.dt[None])
+                self.forces.evaluate_rows(block, k, k + 1, self.scheme.dt[None])
+        # End of the step
+        if self.stages.halted[None] == 0:
+            self.sum_boundaries(self.scheme.dt[None])
 
     @ti.kernel
-    def contacts_offloaded(self, dt: ti.f64):
-        """Contacts at the present positions with a thread per grain: see `contacts_only`."""
+    def contacts_only(self, dt: ti.f64):
+        """Contacts at the present positions, which end a step of dt [s]; 0 at the start of a run."""
         for k in range(self.grains.count[None]):
             block = self.forces.block(0)
-            self.forces.rows(block, k, k + 1, dt)
-        self.moved[None] = 0
-        self.halted[None] = 0
-        if ti.static(self.driven):
-            self.platens.gather(self.forces, self.dt[None])
-        if ti.static(self.walled):
-            self.forces.walls.gather(self.forces, dt)
+            self.forces.evaluate_rows(block, k, k + 1, dt)
+        self.validity.outdated[None] = 0
+        self.stages.halted[None] = 0
+        self.sum_boundaries(dt)
+
+    @ti.func
+    def sum_boundaries(self, dt):
+        """Forces on platens and walls after a step of dt [s]."""
+        if ti.static(self.spec.platens > 0):
+            self.stages.end_platens()
+        if ti.static(self.spec.walls > 0):
+            self.stages.walls.gather(self.forces, dt)

@@ -304,7 +304,7 @@ def free(runtime):
 
 
 def test_pairs_break_at_their_strengths_and_the_energy_budget_closes(free):
-    free.load(pairs_scene())
+    free.reset(pairs_scene())
     begin = sum(scenes.energy(free))
     loads, balance = np.zeros(4), []
     while free.bonds.intact.to_numpy().any() and free.step < 40_000:
@@ -334,7 +334,7 @@ def test_pairs_break_at_their_strengths_and_the_energy_budget_closes(free):
 
 def test_a_spinning_cluster_keeps_its_momenta_and_its_energy(free):
     scene = cluster_scene()
-    free.load(scene)
+    free.reset(scene)
     mass, inertia = scene.masses()
 
     def momenta():

@@ -117,7 +117,7 @@ def test_the_list_is_that_of_brute_force(dense, strain):
         starts, ids = dense.pairs.row_start.to_numpy()[: len(dense) + 1], dense.grains.id.to_numpy()
         listed = set()
         for k in range(len(dense)):
-            partners = dense.pairs.partner_id.to_numpy()[starts[k] : starts[k + 1]]
+            partners = dense.pairs.second_id.to_numpy()[starts[k] : starts[k + 1]]
             listed |= {(int(ids[k]), int(j)) for j in partners}
         assert listed == images(dense, x, strain)
     assert tried > 40

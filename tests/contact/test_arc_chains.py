@@ -25,7 +25,7 @@ class Probe:
         g, pairs = self.forces.grains, self.pairs
         for k in range(g.count[None]):
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                l = pairs.partner[s]
+                l = pairs.second_slot[s]
                 depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, self.forces.geometry.shortest(k, l), 1)
                 self.found[s][0], self.found[s][1], self.found[s][2] = g.id[k], g.id[l], depth
                 for axis in ti.static(range(self.dim)):

@@ -26,7 +26,7 @@ class Probe:
         g, pairs = self.forces.grains, self.pairs
         for k in range(g.count[None]):
             for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                l = pairs.partner[s]
+                l = pairs.second_slot[s]
                 depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, self.forces.geometry.shortest(k, l), 1)
                 row = self.found[s]
                 row[0], row[1], row[11], row[12] = g.id[k], depth, pairs.feature[s][0], pairs.feature[s][1]

@@ -9,7 +9,8 @@ from taichi_lsm.contact import neighbour_search
 from taichi_lsm.contact.neighbour_list import NeighbourList, grown
 from taichi_lsm.contact.neighbour_search import ROOM, SORT_INTERVAL, NeighbourSearch, morton_code
 from taichi_lsm.contact.pair_storage import Pairs
-from taichi_lsm.stepping.grain_state import Grains, grain_variables
+from taichi_lsm.stepping.grain_state import Grains
+from taichi_lsm.stepping.kernel_spec import KernelSpec
 from tests.helpers import scenes
 
 COUNT = 300
@@ -21,14 +22,14 @@ class Finder:
 
     def __init__(self, dim, periodic):
         self.dim, self.periodic = dim, periodic
-        rows = grain_variables(rotates=False, oriented=False, shaped=False, track_dissipation=0)
-        self.grains = Grains(dim, COUNT, rows, 0)
+        spec = KernelSpec(dim=dim, count=COUNT, rotates=True, kind="chain", history=2)
+        self.grains = Grains(spec)
         self.grains.set_column("platen_index", -1)
         self.grains.set_column("radius", 0.5)
         self.domain = Domain((10.0,) * dim, periodic)
-        self.search = NeighbourSearch(self.grains, self.domain, SKIN)
+        self.search = NeighbourSearch(spec, self.grains, self.domain, SKIN)
         capacity = self.grains.slot_of.shape[0]
-        self.pairs = Pairs(dim, capacity, COUNT * COUNT // 2, True, "chain", 2)
+        self.pairs = Pairs(spec, capacity, COUNT * COUNT // 2)
         self.list = NeighbourList(self.search, self.pairs)
 
     def find(self, position, radius, lengths):
@@ -50,7 +51,7 @@ class Finder:
 
     def listed(self):
         first = self.rows()
-        return np.stack([self.grains.id.to_numpy()[first], self.pairs.partner_id.to_numpy()[: len(first)]], axis=1)
+        return np.stack([self.grains.id.to_numpy()[first], self.pairs.second_id.to_numpy()[: len(first)]], axis=1)
 
 
 def brute_force(position, radius, lengths, periodic):
@@ -122,7 +123,7 @@ def test_transpose_lists_every_entry_at_its_partner_in_rising_ids(finders, dim):
     assert np.array_equal(np.sort(column), np.arange(len(listed)))
     partner_slot = np.repeat(np.arange(COUNT), np.diff(starts))
     assert np.array_equal(listed[column, 1], grains.id.to_numpy()[partner_slot])
-    assert np.array_equal(pairs.partner.to_numpy()[column], partner_slot)
+    assert np.array_equal(pairs.second_slot.to_numpy()[column], partner_slot)
     for a, b in zip(starts[:-1], starts[1:]):
         assert np.all(np.diff(listed[column[a:b], 0]) > 0)
 
@@ -174,7 +175,7 @@ def test_growth_of_the_list_keeps_memory(finders):
     position, radius, lengths = placed(rng, 2, "many cells")
     before = finder.find(position, radius, lengths)
     remember(finder.pairs, before)
-    small, finder.pairs = finder.pairs, grown(finder.pairs, 2, finder.grains.slot_of.shape[0], True, COUNT * COUNT)
+    small, finder.pairs = finder.pairs, grown(finder.pairs, COUNT * COUNT)
     small_list, finder.list = finder.list, NeighbourList(finder.search, finder.pairs)
     try:
         after = finder.find(position + rng.uniform(-0.1, 0.1, position.shape), radius, lengths)

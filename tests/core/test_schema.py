@@ -20,6 +20,9 @@ from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.schema import DTYPES, Variable
 from taichi_lsm.measure.sheared_layer import layer_rows
 from taichi_lsm.stepping.grain_state import grain_variables
+from taichi_lsm.stepping.kernel_spec import KernelSpec
+
+ALL = {"kind": "polyhedron", "rotates": True, "oriented": True, "onset": True, "channels": 2, "history": 3}
 
 
 def test_variable_is_plain_and_frozen():
@@ -48,8 +51,10 @@ def test_refusals_name_the_row(changes, message):
 
 def test_names_are_unique_and_dtypes_known():
     surfaces = [chains.PATCH_ROWS, polyhedra.FEATURE_ROWS, polyhedra.BOUND_ROWS, cones.patch_rows(), parts.BALL_ROWS]
-    grains = grain_variables(True, True, True, 2, onset=True, tumbles=True, multi_part=True)
-    pairs = [pair_variables(True, kind, 3, True, True) for kind in ("chain", "polyhedron", "cones")]
+    grains = grain_variables(KernelSpec(dim=3, multi_part=True, **ALL))
+    pairs = [
+        pair_variables(KernelSpec(multi_part=True, **ALL | {"kind": kind})) for kind in ("chain", "polyhedron", "cones")
+    ]
     tables = [grains, *pairs, *surfaces, layer_rows()]
     for rows in tables:
         assert len({row.name for row in rows}) == len(rows)
@@ -58,9 +63,8 @@ def test_names_are_unique_and_dtypes_known():
 
 def test_everything_that_a_restart_needs_is_marked():
     """Positions, velocities, histories: a continued run reads the rows marked restart and no others."""
-    marked = {
-        row.name for row in grain_variables(True, True, True, 1) + pair_variables(True, "chain", 1) if row.restart
-    }
+    spec = KernelSpec(**ALL)
+    marked = {row.name for row in grain_variables(spec) + pair_variables(spec) if row.restart}
     assert {
         "position",
         "velocity",
@@ -69,5 +73,5 @@ def test_everything_that_a_restart_needs_is_marked():
         "dissipated",
         "history",
         "status",
-        "partner_id",
+        "second_id",
     } <= marked

@@ -223,7 +223,7 @@ def test_values_of_another_variant_are_not_loaded(oblique):
         lsm.CoulombFriction(MU, 10 * HARD, 0.5 * MU),
     ]
     with pytest.raises(lsm.InputError, match="static and dynamic"):
-        sim.load(scenes.scene(position, effects, velocity=velocity, skin=0.5, thickness=1.0))
+        sim.reset(scenes.scene(position, effects, velocity=velocity, skin=0.5, thickness=1.0))
 
 
 def test_refusals():

@@ -100,7 +100,7 @@ def test_a_rate_is_not_loaded_as_a_restitution(impacts):
     sim, position, *_ = impacts
     effects = [lsm.LinearElastic(K), lsm.ViscousDamping(rate=1.0)]
     with pytest.raises(lsm.InputError, match="rate"):
-        sim.load(scenes.scene(position, effects, skin=0.5))
+        sim.reset(scenes.scene(position, effects, skin=0.5))
 
 
 def test_refusals():

@@ -50,7 +50,7 @@ def test_a_crowd_without_the_guard_of_the_step_blows_up(bench):
 def test_what_is_saved_of_a_run_that_stops(bench, tmp_path):
     """The last good state can be run on, to the same bits; the state at the stop can be looked at."""
     sim = bench.simulate(on_floor(1.0, 0.02 * CRITICAL))
-    sim.keep(tmp_path, seconds=0.0)
+    sim.keep_checkpoints(tmp_path, seconds=0.0)
     sim.run(30)
     good = sim.state.position.to_numpy()
     sim.run(30)

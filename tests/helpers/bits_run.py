@@ -54,7 +54,7 @@ def touching_contacts(sim):
     starts = sim.pairs.row_start.to_numpy()[: len(sim) + 1]
     used = starts[-1]
     first = sim.grains.id.to_numpy()[np.repeat(np.arange(len(sim)), np.diff(starts))]
-    second = sim.pairs.partner_id.to_numpy()[:used]
+    second = sim.pairs.second_id.to_numpy()[:used]
     order = np.lexsort([second, first])
     order = order[sim.pairs.status.to_numpy()[order] != 0]
     force, history = (getattr(sim.pairs, name).to_numpy()[order] for name in ("pair_force", "history"))

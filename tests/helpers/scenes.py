@@ -28,35 +28,12 @@ def simulate(new_scene, threads=1):
 
 
 def reload(sim, dt=None, strain=0.0, **columns):
-    """Start `sim` again from these state columns (velocity and spin at the same time as position), without a past."""
+    """Start `sim` again from these state columns (velocities at the same time as position), without a past."""
     for name, values in columns.items():
         getattr(sim.state, name).from_numpy(values)
-    sim.pairs.row_start.fill(0)
-    if sim.forces.track_dissipation:
-        sim.grains.dissipated.fill(0.0)
-    if sim.platens:
-        for name in ("displacement", "velocity", "force", "force_sum", "force_square_sum", "work", "dissipated"):
-            getattr(sim.platens, name).fill(0.0)
-        if sim.platens.springs:
-            sim.platens.stretch.fill(0.0)
-    if sim.domain.sheared:
-        sim.domain.set_shear(sim.scene.shear_rate, sim.scene.widest(), strain)
-        sim.grains.shear_work.fill(0.0)
-    if sim.walls:
-        sim.walls.begin(sim.scene.walls)
     if dt is not None:
-        set_dt(sim, dt)
-    sim.step = 0
-    sim.error_flags.clear()
-    sim.monitor.begin()
-    sim._rebuild()
-    sim._begin()
-
-
-def set_dt(sim, dt):
-    """Change the step of a simulation that is about to be reloaded."""
-    sim._dt = dt
-    sim.integrator.dt[None] = dt
+        sim.set_time_step(dt)
+    sim.restart(strain)
 
 
 def effect(sim, name):

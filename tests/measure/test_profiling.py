@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.stepping.step_loop_gpu import StepLoopGPU
 
 
 def test_profile_divides_the_time_of_a_run(reference_packing):
     sim = reference_packing("frictional_discs")
-    sim.load(sim.scene)
+    sim.reset(sim.scene)
     sim.measure.sums()  # compiles
     sim.seconds.clear()
     sim.run(300)
@@ -30,7 +31,7 @@ def test_profile_leaves_the_motion_as_it_is(reference_packing):
     sim = reference_packing("frictional_discs")
     rest = sim.scene
     velocity = np.random.default_rng(4).standard_normal(rest.position.shape) * 5e-4 / sim.dt
-    sim.load(replace(rest, velocity=velocity))
+    sim.reset(replace(rest, velocity=velocity))
     while sim.step < 2000 and not sim.state.has_impulse.to_numpy().any():
         sim.run(1)  # to a step in which a contact begins or ends
     assert sim.state.has_impulse.to_numpy().any()
@@ -46,8 +47,8 @@ def test_profile_leaves_the_motion_as_it_is(reference_packing):
 
 def test_profile_without_a_step_is_refused(reference_packing):
     sim = reference_packing("frictional_discs")
-    sim.load(sim.scene)
-    with pytest.raises(ValueError, match="no step"):
+    sim.reset(sim.scene)
+    with pytest.raises(lsm.InputError, match="no step"):
         lsm.profile(sim)
 
 
@@ -56,13 +57,14 @@ def test_a_thread_per_grain_gives_the_same_bits(reference_packing, name):
     """What a GPU runs: a launch for each stage and a thread for each grain."""
     sim = reference_packing(name)
     columns = []
-    for offloaded in (False, True):
-        sim.load(sim.scene)
-        sim.integrator.offloaded = offloaded
+    shared = sim.step_loop
+    for loop in (shared, StepLoopGPU(sim.stages)):
+        sim.reset(sim.scene)
+        sim.step_loop = loop
         try:
             sim.run(400)
         finally:
-            sim.integrator.offloaded = False
+            sim.step_loop = shared
         assert sim.step == 400
         columns.append([sim.state.position.to_numpy(), sim.state.velocity.to_numpy(), sim.state.force.to_numpy()])
     for one, other in zip(*columns):

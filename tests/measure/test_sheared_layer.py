@@ -69,7 +69,7 @@ def test_stress_is_the_mean_over_planes_of_the_forces_that_cross_them(consolidat
     y = sim.state.position.to_numpy()[:, 1]
     starts = sim.pairs.row_start.to_numpy()[: len(sim) + 1]
     first = sim.grains.id.to_numpy()[np.repeat(np.arange(len(sim)), np.diff(starts))]
-    second = sim.pairs.partner_id.to_numpy()[: starts[-1]]
+    second = sim.pairs.second_id.to_numpy()[: starts[-1]]
     force = sim.pairs.pair_force.to_numpy()[: starts[-1]] * (sim.pairs.status.to_numpy()[: starts[-1]] != 0)[:, None]
     bottom, top = layer.plane[0], layer.plane[1] + sim.platens.displacement.to_numpy()[1, 1]
     margin = 3 * layer.diameter

@@ -107,7 +107,7 @@ def collide(material, impacts):
     if not _sim:
         _sim.append(scenes.simulate(scene))
     sim = _sim[0]
-    sim.load(scene)
+    sim.reset(scene)
     apart, overlap, force, before = gap, np.zeros(PAIRS), np.zeros(PAIRS), v
     for _ in range(20 * STEPS * round(duration.max() / duration.min())):
         sim.run(1)

@@ -18,7 +18,7 @@ def thermal(sim, seed, temperature=1e-4):
     mass = arguments.masses()[0]
     velocity -= (mass[:, None] * velocity).sum(axis=0) / mass.sum()
     columns = {"position": arguments.position, "velocity": velocity}
-    if sim.rotates:
+    if sim.spec.rotates:
         columns["angular_velocity"] = 2 * speed * rng.standard_normal((n, 1))
     if sim.grains.has("orientation"):
         columns["orientation"] = np.stack([np.cos(arguments.angle), np.sin(arguments.angle)], axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.stepping.step_loop_gpu import StepLoopGPU
 from tests.helpers import bonds_run, scenes
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,7 +22,7 @@ def rubble(runtime):
 
 
 def test_energy_budget_closes_and_fragments_are_counted(rubble):
-    rubble.load(bonds_run.rubble())
+    rubble.reset(bonds_run.rubble())
     aggregates, whole = 9, bonds_run.PIECES
     assert np.array_equal(lsm.fragments(rubble), np.repeat(np.arange(aggregates), whole))
     begin, _ = scenes.energy(rubble)
@@ -44,12 +45,12 @@ def test_energy_budget_closes_and_fragments_are_counted(rubble):
 
 
 def test_intact_bonds_are_on_no_list_and_broken_ones_are(rubble):
-    rubble.load(bonds_run.rubble())
+    rubble.reset(bonds_run.rubble())
 
     def listed():
         starts = rubble.pairs.row_start.to_numpy()[: len(rubble) + 1]
         first = rubble.grains.id.to_numpy()[np.repeat(np.arange(len(rubble)), np.diff(starts))]
-        return set(zip(first.tolist(), rubble.pairs.partner_id.to_numpy()[: starts[-1]].tolist()))
+        return set(zip(first.tolist(), rubble.pairs.second_id.to_numpy()[: starts[-1]].tolist()))
 
     bonds = set(map(tuple, rubble.scene.bonds.tolist()))
     assert not listed() & bonds
@@ -61,19 +62,18 @@ def test_intact_bonds_are_on_no_list_and_broken_ones_are(rubble):
 
 def test_the_bits_do_not_depend_on_the_launches_or_on_the_list(rubble):
     """The path of a GPU, taken by the CPU, with another skin."""
-    rubble.load(bonds_run.rubble())
+    rubble.reset(bonds_run.rubble())
     rubble.rebuilds = 0
     rubble.run(STEPS)
     reference, rebuilds = bonds_run.digest(rubble), rubble.rebuilds
-    rubble.load(bonds_run.rubble())
-    rubble.search.set_skin(2.0 * rubble.skin)
-    rubble.integrator.set_step(rubble.dt, 2.0 * rubble.skin)
-    rubble._rebuild()
-    rubble.integrator.offloaded, rubble.rebuilds = True, 0
+    rubble.reset(bonds_run.rubble())
+    skin, loop = rubble.skin, rubble.step_loop
+    rubble.set_skin(2.0 * skin)
+    rubble.rebuild_neighbours()
+    rubble.step_loop, rubble.rebuilds = StepLoopGPU(rubble.stages), 0
     rubble.run(STEPS)
-    rubble.integrator.offloaded = False
-    rubble.search.set_skin(rubble.skin)
-    rubble.integrator.set_step(rubble.dt, rubble.skin)
+    rubble.step_loop = loop
+    rubble.set_skin(skin)
     assert rubble.bonds.intact.to_numpy().sum() < rubble.bonds.count - 10
     assert rubble.rebuilds < rebuilds
     assert different(bonds_run.digest(rubble), reference) == []
@@ -81,7 +81,7 @@ def test_the_bits_do_not_depend_on_the_launches_or_on_the_list(rubble):
 
 def test_threads_and_a_checkpoint_of_broken_aggregates_change_no_bit(rubble, tmp_path):
     """Two threads in a process of their own: from the start, and from the checkpoint that one thread has left."""
-    rubble.load(bonds_run.rubble())
+    rubble.reset(bonds_run.rubble())
     rubble.run(STEPS)
     half = bonds_run.digest(rubble)
     lsm.save_checkpoint(rubble, tmp_path / "half.nc")
@@ -97,8 +97,8 @@ def test_threads_and_a_checkpoint_of_broken_aggregates_change_no_bit(rubble, tmp
     assert different(theirs["end"], end) == []
     fewer = bonds_run.rubble()
     fewer.bonds = fewer.bonds[1:]
-    with pytest.raises(lsm.InputError, match="Simulation.load"):
-        rubble.load(fewer)
+    with pytest.raises(lsm.InputError, match="Simulation.reset"):
+        rubble.reset(fewer)
 
 
 def different(digest, other):

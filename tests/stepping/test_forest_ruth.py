@@ -21,7 +21,7 @@ def test_a_swing_is_of_fourth_order(runtime):
     """A quarter of a period after two of them, where the error of the phase is that of the place."""
     sim, errors, counts = scenes.simulate(swinging(PERIOD / 60)), [], (60, 120, 240)
     for count in counts:
-        sim.load(swinging(PERIOD / count))
+        sim.reset(swinging(PERIOD / count))
         sim.run(9 * count // 4)
         x = sim.state.position.to_numpy()[:, 0]
         errors.append(abs(x[1] - x[0] - 1 + DEPTH))

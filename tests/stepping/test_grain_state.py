@@ -8,6 +8,7 @@ from taichi_lsm.contact.arc_chains import ChainTable
 from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.fields import bytes_per_row, rounded_capacity
 from taichi_lsm.stepping.grain_state import Grains, grain_variables
+from taichi_lsm.stepping.kernel_spec import KernelSpec
 from tests.helpers import scenes
 
 REAL = 8 if scenes.PRECISION == "f64" else 4
@@ -16,7 +17,7 @@ SIZES = {"space": 2, "rotation": 1, "orientation": 2, "channel": 2, "history": 2
 
 @pytest.fixture(scope="module")
 def grains(runtime):
-    return Grains(2, 50, grain_variables(rotates=True, oriented=True, shaped=True, track_dissipation=2), 2)
+    return Grains(KernelSpec(count=50, kind="chain", rotates=True, oriented=True, channels=2))
 
 
 def test_columns_by_id_survive_a_reorder(grains):
@@ -43,32 +44,32 @@ def test_columns_by_id_survive_a_reorder(grains):
     assert len(grains) == 50 and grains.has("angular_velocity") and not grains.has("temperature")
 
 
-def names(**options):
-    return {row.name for row in grain_variables(**options)}
+def names(**facts):
+    return {row.name for row in grain_variables(KernelSpec(**facts))}
 
 
 def test_rows_exist_only_for_what_the_scene_lists():
-    plain = names(rotates=False, oriented=False, shaped=False, track_dissipation=0)
-    rolling = names(rotates=True, oriented=False, shaped=False, track_dissipation=0)
-    angular = names(rotates=True, oriented=True, shaped=True, track_dissipation=0)
+    plain = names()
+    rolling = names(rotates=True)
+    angular = names(rotates=True, oriented=True, kind="chain")
     assert len(plain) == 8
     assert rolling - plain == {"angular_velocity", "inverse_inertia", "torque"}
     assert angular - rolling == {"orientation", "shape_index", "diameter", "overlap_limit", "travel"}
-    assert names(rotates=False, oriented=False, shaped=False, track_dissipation=1) - plain == {"dissipated"}
+    assert names(channels=1) - plain == {"dissipated"}
 
 
 def test_bytes_of_a_grain_and_of_a_pair(runtime):
-    plain = grain_variables(False, False, False, 0)
+    plain = grain_variables(KernelSpec())
     # id, platen; position, velocity, built_position in f64; radius, inverse mass, force in the run's precision
     assert bytes_per_row(plain, SIZES) == 2 * 4 + 3 * 2 * 8 + 4 * REAL
-    rolling = grain_variables(True, False, False, 0)
+    rolling = grain_variables(KernelSpec(rotates=True))
     assert bytes_per_row(rolling, SIZES) - bytes_per_row(plain, SIZES) == 8 + 2 * REAL
-    angular = grain_variables(True, True, True, 0)
+    angular = grain_variables(KernelSpec(rotates=True, oriented=True, kind="chain"))
     assert bytes_per_row(angular, SIZES) - bytes_per_row(rolling, SIZES) == 2 * 8 + 4 + 2 * REAL + 8
-    assert bytes_per_row(grain_variables(False, False, False, 2), SIZES) - bytes_per_row(plain, SIZES) == 2 * 8
-    slim = pair_variables(rotates=False, kind="sphere", history=0)
+    assert bytes_per_row(grain_variables(KernelSpec(channels=2)), SIZES) - bytes_per_row(plain, SIZES) == 2 * 8
+    slim = pair_variables(KernelSpec())
     assert bytes_per_row(slim, SIZES) == 3 * 4 + 1 + 2 * REAL  # both slots, id; status; force
-    full = pair_variables(rotates=True, kind="chain", history=2)  # torque, features, free way and history
+    full = pair_variables(KernelSpec(rotates=True, kind="chain", history=2))  # torque, features, free way and history
     assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 8 + 2 * REAL
 
 
@@ -78,7 +79,14 @@ def test_simulation_pays_only_for_its_effects(reference_packing, name):
     kind, body = name.split("_")
     shaped, frictional = body == "arcs", kind == "frictional"
     rotates = shaped or frictional
-    expected = {row.name for row in grain_variables(rotates, shaped, shaped, 2 if frictional else 0, onset=True)}
+    spec = KernelSpec(
+        kind="chain" if shaped else "sphere",
+        rotates=rotates,
+        oriented=shaped,
+        channels=2 if frictional else 0,
+        onset=True,
+    )
+    expected = {row.name for row in grain_variables(spec)}
     assert set(sim.grains.variables) == expected
     for row in ("angular_velocity", "orientation", "dissipated", "shape_index"):
         assert hasattr(sim.grains, row) == (row in expected)

@@ -83,6 +83,6 @@ def test_frictionless_spheres_keep_neither_spins_nor_a_past():
 def test_what_is_not_in_the_scene_is_not_in_the_simulation(runtime):
     sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.95, 0.0)], ELASTIC))
     assert not any((sim.walls, sim.bonds, sim.platens, sim.surfaces, sim.parts))
-    assert not sim.domain.sheared and not sim.forces.reaches and not sim.forces.adds_moment and not sim.forces.needs
+    assert not sim.spec.sheared and not sim.spec.reaches and not sim.forces.adds_moment and not sim.forces.needs
     assert not hasattr(sim.forces.geometry, "reach") and not sim.forces.body_effects and not sim.forces.motion_effects
     assert not sim.forces.block.members.keys() & {"memory_0", "spin_k_0", "torque_k_0", "reduced_radius", "lost_0"}

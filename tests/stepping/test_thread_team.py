@@ -1,4 +1,4 @@
-"""A crew does every part of every stage once, whoever of its threads is awake."""
+"""A thread team does every share of every stage once, whichever of its threads are awake."""
 
 import numpy as np
 import pytest
@@ -16,32 +16,32 @@ class Roll:
     """Counts how often each grain was worked on at each stage, and by whom a stage for one thread was done."""
 
     def __init__(self, size):
-        self.crew = ThreadTeam(size, STAGES + 1)
+        self.team = ThreadTeam(size, STAGES + 1)
         self.row_start = ti.field(ti.i32, GRAINS + 1)
         self.worked = ti.field(ti.i32, (STAGES, GRAINS))
         self.alone = ti.field(ti.i32, size)
 
     @ti.kernel
     def launch(self):
-        self.crew.begin(GRAINS, self.row_start)
-        for i in range(self.crew.size * SPREAD):
+        self.team.begin(GRAINS, self.row_start)
+        for i in range(self.team.size * SPREAD):
             if i % SPREAD == 0:
                 t = i // SPREAD
                 for stage in range(STAGES):
-                    part = self.crew.take(t, stage)
-                    while part >= 0:
-                        for k in range(self.crew.first[part], self.crew.first[part + 1]):
+                    share = self.team.claim(t, stage)
+                    while share >= 0:
+                        for k in range(self.team.first_slot[share], self.team.first_slot[share + 1]):
                             self.worked[stage, k] = self.worked[stage, k] + 1
-                        part = self.crew.hand_in(t, stage)
-                    self.crew.wait(t, stage)
-                if self.crew.alone(STAGES):
+                        share = self.team.finish(t, stage)
+                    self.team.barrier(t, stage)
+                if self.team.lead(STAGES):
                     self.alone[t] = self.alone[t] + 1
-                    self.crew.alone_done(t, STAGES)
-                self.crew.wait(t, STAGES)
+                    self.team.finish_alone(t, STAGES)
+                self.team.barrier(t, STAGES)
 
 
 @pytest.mark.parametrize("size", [1, 3])
-def test_every_part_is_done_once(size):
+def test_every_share_is_done_once(size):
     """Here one thread plays all members in turn, so that the first does what the others have not begun: with threads
     that sleep for ever the work would still be done. Threads side by side are tested by test_bits.py."""
     with allocating():
@@ -52,7 +52,7 @@ def test_every_part_is_done_once(size):
         roll.launch()
         assert (roll.worked.to_numpy() == launch).all()
         assert roll.alone.to_numpy().sum() == launch
-    first = roll.crew.first.to_numpy()
+    first = roll.team.first_slot.to_numpy()
     assert first[0] == 0 and first[-1] == GRAINS and (np.diff(first) >= 0).all()
     work = np.diff((roll.row_start.to_numpy() + np.arange(GRAINS + 1))[first])
     assert work.max() - work.min() <= 2 * (pairs.max() + 1)
@@ -63,5 +63,5 @@ def test_grains_without_pairs_are_shared_evenly():
         roll = Roll(2)
     roll.row_start.fill(0)
     roll.launch()
-    shares = np.diff(roll.crew.first.to_numpy())
+    shares = np.diff(roll.team.first_slot.to_numpy())
     assert shares.sum() == GRAINS and shares.max() - shares.min() <= 1

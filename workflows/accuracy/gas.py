@@ -77,7 +77,7 @@ def measure_gas(params, group):
     for scheme in GROUPS[group]:
         for n in LEVELS:
             for replica in range(params.replicas):
-                sims[scheme].load(gas(params, scheme, n, params.seed + replica))
+                sims[scheme].reset(gas(params, scheme, n, params.seed + replica))
                 error = drift(sims[scheme], params.contacts, n)
                 parameter = scheme if params.precision == "f64" else f"{scheme}, f32"
                 relative = cost[scheme] * n / (cost["discs"] * usual)
@@ -96,7 +96,7 @@ def measure_lists(params):
     taken = {skin: [] for skin in SKINS}
     for turn in range(params.turns + 1):
         for skin, scene in scenes.items():
-            sim.load(scene)
+            sim.reset(scene)
             began = time.process_time()
             sim.run(params.timed_steps)
             if turn:

@@ -97,7 +97,7 @@ def measure_impacts(params):
             if sim is None:
                 sim = lsm.Simulation(scene)
             else:
-                sim.load(scene)
+                sim.reset(scene)
             sim.run(int(0.8 / (SPEED * sim.dt)))
             ends.append(
                 np.concatenate([sim.state.velocity.to_numpy().ravel(), sim.state.angular_velocity.to_numpy().ravel()])

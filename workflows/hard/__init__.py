@@ -79,7 +79,7 @@ class Bench:
         scene.guards = replace(scene.guards, **self.off)
         kernel_spec = None if scene.platens else lsm.KernelSpec.of(scene)
         if kernel_spec in self._made:
-            self._made[kernel_spec].load(scene)
+            self._made[kernel_spec].reset(scene)
             return self._made[kernel_spec]
         sim = lsm.Simulation(scene, precision=self.precision)
         if kernel_spec is not None:
