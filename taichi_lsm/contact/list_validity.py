@@ -47,8 +47,9 @@ class ListValidity:
 
     @ti.func
     def add_travel(self, k, before, step):
-        """Add to the path length of the farthest surface point of grain k; two surfaces apart stay unexamined until
-        their grains have travelled the gap.
+        """Add this step to the path length of the farthest surface point of grain k.
+
+        Two surfaces that are apart stay unexamined until their grains have travelled the gap.
         """
         g = self.grains
         path = (g.position[k] - before).norm()

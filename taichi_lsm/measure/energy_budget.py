@@ -8,8 +8,8 @@ import numpy as np
 class Energies(NamedTuple):
     """Terms of the budget [J]: kinetic (with the platens), elastic (contacts, bonds), potential, dissipated and work.
 
-    dissipated: booked by laws and drives since the start, without a ledger only by drives; work: done since the start
-    by what moves platens, plane walls and a sheared cell.
+    dissipated: by effects and drives since the start, without `Scene.track_dissipation` by drives alone; work: done
+    since the start by what moves platens, plane walls and a sheared cell.
     """
 
     kinetic: float
@@ -29,9 +29,21 @@ class Energies(NamedTuple):
         return self.stored + self.dissipated - self.work
 
 
-def energies(sim, sums=None, platens=None):
-    """Energies of `sim` now; sums, platens: what `sim.measure.sums` and `sim.platens.snapshot` returned just now, if
-    that is known.
+def energies(sim, sums=None, platens=None) -> Energies:
+    """Energies of a simulation now.
+
+    Parameters
+    ----------
+    sim : Simulation
+    sums : dict, optional
+        What `sim.measure.sums` returned for this state, if it is known.
+    platens : dict, optional
+        What `sim.platens.snapshot` returned for this state, if it is known.
+
+    Returns
+    -------
+    Energies
+        The terms of the budget [J], velocities at the time of the positions.
     """
     sums = sim.measure.sums() if sums is None else sums
     kinetic = sums["translational_energy"] + sums["rotational_energy"]

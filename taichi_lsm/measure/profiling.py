@@ -23,6 +23,7 @@ class StageTimer:
 
     @ti.kernel
     def drift(self, repeats: ti.i32):
+        """Loads, kicks and drifts of the mobile grains."""
         ti.loop_config(serialize=True)
         for _ in range(repeats):
             for k in range(self.grains.count[None]):
@@ -31,6 +32,7 @@ class StageTimer:
 
     @ti.kernel
     def contacts(self, repeats: ti.i32):
+        """Contacts of all rows."""
         ti.loop_config(serialize=True)
         for t in range(1):
             block = self.forces.block(0)
@@ -39,6 +41,7 @@ class StageTimer:
 
     @ti.kernel
     def platen_sums(self, repeats: ti.i32):
+        """Sums of the contact forces on the platens."""
         ti.loop_config(serialize=True)
         for _ in range(repeats):
             if ti.static(self.spec.platens > 0):

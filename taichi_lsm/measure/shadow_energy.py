@@ -32,6 +32,7 @@ class ShadowEnergy:
 
     @ti.kernel
     def kinetic_terms(self):
+        """Begin the terms with -(F.F/m + T.I^-1 T)/24 of each grain, and keep where the grains are."""
         g = self.grains
         for k in range(g.count[None]):
             total = ti.cast(0.0, ti.f64)

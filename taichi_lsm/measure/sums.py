@@ -62,6 +62,7 @@ class Measure:
 
     @ti.func
     def add_grain(self, k, low, high, velocity, gradient, total: ti.template()):
+        """Energies, kinetic stress and dissipation of grain k."""
         g = self.grains
         if g.platen_index[k] < 0:
             m = 1.0 / ti.cast(g.inverse_mass[k], ti.f64)
@@ -78,6 +79,7 @@ class Measure:
                 total[ti.static(self.at["energy_" + effect.name])] += effect.grain_energy(
                     g.inverse_mass[k], g.position[k]
                 )
+            # Kinetic stress: fluctuations about the mean shear profile of the slab.
             y = g.position[k][1]
             if y >= low and y < high:
                 v[0] -= velocity + gradient * (y - low)
@@ -103,6 +105,7 @@ class Measure:
 
     @ti.func
     def add_contact(self, k, s, low, high, total: ti.template()):
+        """Energy, counts and stress of the contact in list slot s; returns its depth over the overlap limit."""
         g, pairs = self.grains, self.pairs
         l = pairs.second_slot[s]
         d = self.forces.geometry.shortest(k, l)
@@ -119,6 +122,7 @@ class Measure:
         total[ti.static(self.at["contact_count"])] += touching
         total[ti.static(self.at["contact_ends"])] += touching * mobile
         total[ti.static(self.at["sliding_count"])] += ti.select(pairs.status[s] & SLIDING, 1.0, 0.0)
+        # Stress: force times the share of the branch vector that lies in the slab.
         share = self.inside(g.position[k][1], d[1], low, high)
         for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
             total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += share * pairs.pair_force[s][a] * d[b]
@@ -132,8 +136,9 @@ class Measure:
 
     @ti.func
     def add_walls(self, k, low, high, total: ti.template()):
-        """Contacts of grain k with the walls; their branch vectors go from its centre to the contact. Returns the
-        greatest depth over the bounding radius, beyond which its centre lies behind the wall.
+        """Contacts of grain k with the walls; their branch vectors go from its centre to the contact.
+
+        Returns the greatest depth over the bounding radius, beyond which its centre lies behind the wall.
         """
         g, walls = self.grains, self.forces.walls
         deepest = ti.cast(0.0, ti.f64)
@@ -159,6 +164,7 @@ class Measure:
 
     @ti.kernel
     def reduce(self, low: ti.f64, high: ti.f64, velocity: ti.f64, gradient: ti.f64, result: ti.types.ndarray()):
+        """Fill `result` with the sums in the order of `names`, then the greatest depth over its limit."""
         g, pairs = self.grains, self.pairs
         count = g.count[None]
         blocks = (count + BLOCK - 1) // BLOCK

@@ -94,6 +94,7 @@ class Grains:
 
     @ti.kernel
     def number_slots(self):
+        """Put grain k into slot k."""
         ti.loop_config(serialize=True)
         for k in range(self.slot_of.shape[0]):
             self.id[k] = self.slot_of[k] = self.previous_slot[k] = k
@@ -102,7 +103,7 @@ class Grains:
         return int(self.count[None])
 
     def has(self, name):
-        """Does this scene carry the state row `name`?"""
+        """Whether this scene carries the state row `name`."""
         return name in self.variables
 
     def column(self, name):

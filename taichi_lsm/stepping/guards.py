@@ -1,4 +1,4 @@
-"""Limits beyond which a run is not to be trusted, and the error that stops it."""
+"""Limits beyond which a run is not to be trusted."""
 
 from dataclasses import dataclass
 
@@ -11,10 +11,25 @@ from ..core.errors import InputError
 class Guards:
     """Limits of a run; None switches a guard off.
 
-    step: time step over the stable one of the contacts that are there; displacement: way of a grain in one step, in
-    its bounding radius; energy: error of the energy balance, in energy turned over; overlap: depth of a contact over
-    its cap, 1 or None; wall: centres may not pass plane walls, 1 or None; finite: positions, velocities and
-    orientations are numbers, 1 or None.
+    Attributes
+    ----------
+    step : float
+        Time step over the stable one of the contacts that exist [1].
+    displacement : float
+        Displacement of a grain in one step, in its bounding radius [1].
+    energy : float
+        Error of the energy balance, in the energy turned over [1].
+    overlap : float
+        Overlap of a contact over its overlap limit, 1 or None.
+    wall : float
+        Centres may not pass plane walls, 1 or None.
+    finite : float
+        Positions, velocities and orientations are numbers, 1 or None.
+
+    Raises
+    ------
+    InputError
+        If a limit is not positive, or not 1 where only 1 is allowed.
     """
 
     step: float | None = 1.0

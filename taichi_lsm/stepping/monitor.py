@@ -52,15 +52,18 @@ class Monitor:
 
     @ti.kernel
     def reduce(self, result: ti.types.ndarray()):
-        """Fill `result`: [greatest sum of contacts/m over the two grains of a contact, their ids; greatest speed over
-        bounding radius, its id; id of a grain that is nowhere, or -1].
+        """Fill `result` with the extremes that the guards compare.
+
+        They are: the greatest sum of contacts/m over the two grains of a contact [kg-1] and their ids; the greatest
+        speed over bounding radius [s-1] and its id; the id of a grain whose state is not a number, or -1.
         """
         g, p = self.grains, self.pairs
         n = g.count[None]
-        crowd, first, second = ti.cast(0.0, ti.f64), 0, 0
+        stiffest, first, second = ti.cast(0.0, ti.f64), 0, 0
         fastest, fast, lost = ti.cast(0.0, ti.f64), 0, -1
         ti.loop_config(serialize=True)
         for _ in range(1):
+            # Contacts of each grain, with walls and with grains.
             for k in range(n):
                 self.contacts[k] = 0
                 if ti.static(self.spec.walls > 0):
@@ -70,15 +73,17 @@ class Monitor:
                 if p.status[s] & (TOUCHING | ACTING):
                     self.contacts[p.first_slot[s]] = self.contacts[p.first_slot[s]] + 1
                     self.contacts[p.second_slot[s]] = self.contacts[p.second_slot[s]] + 1
+            # The pair that bounds the time step most: of the light grains that have many contacts.
             for s in range(p.row_start[n]):
                 if p.status[s] & (TOUCHING | ACTING):
                     k, l = p.first_slot[s], p.second_slot[s]
                     sum_k, sum_l = self.per_mass(k), self.per_mass(l)
-                    if sum_k + sum_l > crowd:
-                        crowd, first, second = sum_k + sum_l, g.id[k], g.id[l]
+                    if sum_k + sum_l > stiffest:
+                        stiffest, first, second = sum_k + sum_l, g.id[k], g.id[l]
             for k in range(n):
-                if self.per_mass(k) > crowd:  # on walls alone
-                    crowd, first, second = self.per_mass(k), g.id[k], g.id[k]
+                if self.per_mass(k) > stiffest:  # on walls alone
+                    stiffest, first, second = self.per_mass(k), g.id[k], g.id[k]
+                # States that are not numbers, and the fastest mobile grain against the mean flow.
                 v, x = g.velocity[k], g.position[k]
                 size = ti.abs(x).sum() + ti.abs(v).sum()
                 if ti.static(self.spec.oriented):
@@ -89,7 +94,7 @@ class Monitor:
                     v[0] -= self.domain.shear_rate[0] * x[1]
                 if g.platen_index[k] < 0 and v.norm() > fastest * g.radius[k]:
                     fastest, fast = v.norm() / g.radius[k], g.id[k]
-            result[0], result[1], result[2] = crowd, first, second
+            result[0], result[1], result[2] = stiffest, first, second
             result[3], result[4], result[5] = fastest, fast, lost
 
     @ti.func
@@ -117,15 +122,15 @@ class Monitor:
         sim, guards = self.sim, self.sim.scene.guards
         result = np.zeros(6)
         self.reduce(result)
-        crowd, k, l, fastest, fast, lost = result
+        stiffest, k, l, fastest, fast, lost = result
         if guards.finite and lost >= 0:
             self._stop(f"grain {lost:.0f}: its position, velocity or orientation is not a number", [lost], {})
         if guards.displacement and fastest * sim.dt > guards.displacement:
             error = sim.search.jump_error(int(fast), sim.dt, guards.displacement)
             self._stop(str(error), error.grains, error.values)
-        if guards.step and crowd > 0.0:
+        if guards.step and stiffest > 0.0:
             self.bodies = self.bodies or sim.scene.bodies()
-            coordination = 0.5 * crowd * self.bodies.least_mass
+            coordination = 0.5 * stiffest * self.bodies.least_mass
             stable = sim.scene.step_bound(replace(self.bodies, coordination=coordination))
             if sim.dt > guards.step * stable:
                 self._stop(

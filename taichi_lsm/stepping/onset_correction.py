@@ -26,7 +26,7 @@ class OnsetCorrection:
     def end_impulse(self, k, l, s, d, began, depth, n, arm_k, arm_l, dt):
         """Impulse along the contact [N s] in the first step after it begins (began = 1) or ends (0).
 
-        It makes up for the part of the step in which the force was not the trapezoid that Verlet takes it for; see
+        It makes up for the share of the step in which the force was not the trapezoid that Verlet takes it for; see
         `passage`. A contact that began and ended within one step leaves nothing to correct.
         """
         last, earlier = self.depths_before(k, l, s, d, n, dt)
@@ -35,13 +35,15 @@ class OnsetCorrection:
 
     @ti.func
     def impulse(self, began, depth, last, earlier, inverse_effective_mass, dt):
-        """`end_impulse` from the depths [m] now, a step and two steps ago; ease [kg-1]: acceleration of the depth per
-        force.
+        """`end_impulse` from the depths [m] now, a step ago (`last`) and two steps ago (`earlier`).
+
+        inverse_effective_mass [kg-1]: acceleration of the depth per force. Speed and acceleration of the depth follow
+        from the three depths; where the contact ends, time is reversed, so that it begins.
         """
         impulse = 0.0 * depth
         u, inside = (depth - last) / dt, depth
         acceleration = (u - (last - earlier) / dt) / dt
-        if began == 0:  # with time reversed the contact begins; its own force fades within the step
+        if began == 0:  # the contact's own force fades within the step: it belongs to the acceleration of the last one
             u, inside = -u, last
             acceleration += self.elastic_force(ti.max(last, 0.0)) * inverse_effective_mass
         u, time = self.passage(inside, u, acceleration, dt)
@@ -54,6 +56,7 @@ class OnsetCorrection:
     def depths_before(self, k, l, s, d, n, dt):
         """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
         g = self.grains
+        # Back along the velocities of the last two steps, which live half a step before the positions.
         d_1 = d - self.geometry.relative_velocity(k, l) * dt
         v = g.last_velocity[l] - g.last_velocity[k]
         if ti.static(self.spec.sheared):
@@ -67,17 +70,17 @@ class OnsetCorrection:
             q_k = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
             q_l = advanced_orientation(g.orientation[l], g.angular_velocity[l], -dt)
             depth_1, m, _ = self.surface.continued(a, b, k, l, features, d_1, q_k, q_l, n)
-            q_k, q_l = (
-                advanced_orientation(q_k, g.last_angular_velocity[k], -dt),
-                advanced_orientation(q_l, g.last_angular_velocity[l], -dt),
-            )
+            q_k = advanced_orientation(q_k, g.last_angular_velocity[k], -dt)
+            q_l = advanced_orientation(q_l, g.last_angular_velocity[l], -dt)
             depth_2, m, _ = self.surface.continued(a, b, k, l, features, d_2, q_k, q_l, n)
         return depth_1, depth_2
 
     @ti.func
     def passage(self, d, u, acceleration, dt):
-        """(speed [m s-1] at which the depth passed zero, time since then [s]) if it is d now and grew at the mean speed
-        u over the step; of a contact that ends the same with time reversed. Speed 0 where there is no such time.
+        """(speed [m s-1] at which the depth passed zero, time since then [s]); speed 0 where there is no such time.
+
+        The depth is d now and grew at the mean speed u over the step, with a constant acceleration: the root of
+        d - u_now t + a t^2/2 = 0, in the form without cancellation.
         """
         now = u + 0.5 * acceleration * dt
         square = now * now - 2.0 * acceleration * d

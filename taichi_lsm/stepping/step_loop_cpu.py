@@ -90,8 +90,9 @@ class StepLoopCPU:
 
     @ti.func
     def move_boundaries(self, t, step, count, mode):
-        """BOUNDARIES: one thread ends the step before (forces on platens and walls) and moves platens, walls and the
-        cell for this one, while the others let the mobile grains drift.
+        """BOUNDARIES: one thread moves platens, walls and the cell while the others let the mobile grains drift.
+
+        It first ends the step before: the contact forces on platens and walls are summed.
         """
         if ti.static(self.spec.has_boundaries):
             stage = STAGES * step + BOUNDARIES
