@@ -110,7 +110,7 @@ def test_the_list_is_that_of_brute_force(dense, strain):
         x[order[1::2]] = x[order[::2]] + (0.999 * apart)[:, None] * slant  # pairs farthest apart in the upright cell
         dense.state.position.from_numpy(x)
         dense.domain.set_shear(RATE, dense.scene.widest(), strain)
-        if dense._count() > dense.pairs.capacity:
+        if dense.search.count(dense.dt, dense.scene.guards) > dense.pairs.capacity:
             continue
         tried += 1
         dense.neighbours.write()
@@ -199,7 +199,7 @@ def test_what_cannot_be_sheared_is_refused():
         cell(platens=[lsm.Platen("top", [lsm.Fixed(), lsm.Fixed()])])
     with pytest.raises(lsm.InputError, match="with .'gravity'., which would change the mean flow"):
         cell([lsm.Gravity((0.0, -9.81))])
-    with pytest.raises(lsm.InputError, match="ExplicitEuler, which books no work"):
+    with pytest.raises(lsm.InputError, match="ExplicitEuler, which does not account for the work"):
         cell(integrator=lsm.ExplicitEuler)
 
 

@@ -232,7 +232,7 @@ def test_simulation_finds_contacts_when_its_list_overflows(runtime):
     assert sums["elastic_energy"] == pytest.approx(0.5 * np.sum((1.0 - touching) ** 2), rel=1e-12)
     crushed = dense.copy()
     crushed[5] = dense[6]
-    with pytest.raises(lsm.SimulationError, match="grains 5 and 6: their overlap reached the cap"):
+    with pytest.raises(lsm.SimulationError, match="grains 5 and 6: their overlap reached the limit"):
         scenes.reload(sim, position=crushed, velocity=np.zeros((64, 2)))
     scenes.reload(sim, position=dense, velocity=np.zeros((64, 2)))
     sim.state.position.from_numpy(np.where(np.arange(64)[:, None] == 17, np.nan, dense))

@@ -131,7 +131,7 @@ def test_shape_table_repeats_the_first_patch_of_every_shape(runtime):
     shapes = [lsm.disc(), *lsm.random_angular_shapes(3, 1)]
     table = ChainTable(shapes)
     for row, shape in enumerate(shapes):
-        first, patches = table.first[row], table.patches[row]
+        first, patches = table.first_row[row], table.patches[row]
         assert patches == shape.patch_count
         radius = table.patch_radius.to_numpy()[first : first + patches + 1]
         assert radius == pytest.approx(np.append(shape.radius, shape.radius[0]), rel=1e-7)
