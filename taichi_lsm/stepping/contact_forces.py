@@ -264,6 +264,7 @@ class ContactForces(EffectSet):
     @ti.func
     def store_results(self, block: ti.template(), count, dt):
         """Store forces, histories and status of the contacts in the first places, and add up their rows."""
+        # Rows are summed at the first grain; the second one reads pair_force and pair_torque in `total_load`.
         g, pairs = self.grains, self.pairs
         for i in range(count):
             s = block.slot[i]
@@ -356,6 +357,7 @@ class ContactForces(EffectSet):
         load.force = ti.cast(g.force[k], ti.f64)
         if ti.static(self.spec.rotates):
             load.torque = ti.cast(g.torque[k], ti.f64)
+        # Impulses of the own row: rare, so that the row is searched only if the flag is set.
         if ti.static(self.spec.onset):
             if g.has_impulse[k]:
                 for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
@@ -365,6 +367,7 @@ class ContactForces(EffectSet):
                     load.impulse += self.walls.impulse_on(self, k)
         if ti.static(self.spec.has_angular_impulses):
             load.angular_impulse = ti.cast(g.angular_impulse[k], ti.f64)
+        # Pairs of which k is the second grain.
         for c in range(pairs.column_start[k], pairs.column_start[k + 1]):
             s = pairs.column[c]
             load.force += pairs.pair_force[s]  # zero where the pair is apart: a branch would often be mispredicted

@@ -32,6 +32,7 @@ class EffectSet:
         self.adds_moment = any(effect.adds_moment for effect in self.contact_effects)
         self.contact_type = contact_type(self.dim, self.contact_effects)
         self.bonds = bonds
+        # Energy channels: effects of contacts first, whose losses pass through the contact block; bonds last.
         of_contacts = [e for e in self.contact_effects if e.dissipates]
         self.contact_channel_count = len(of_contacts)
         self.channels = of_contacts + [e for e in self.motion_effects if e.dissipates]

@@ -131,6 +131,7 @@ class Grains:
 
     def reorder(self, order):
         """Move the grain of slot order[s] to slot s, in every row. Results do not depend on the order."""
+        # Rows beyond the grains in use stay as they are.
         ids = self.id.to_numpy()[: len(self)][order]
         for name in self.variables:
             raw = getattr(self, name).to_numpy()

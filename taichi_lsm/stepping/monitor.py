@@ -145,6 +145,7 @@ class Monitor:
         pushes = any(not hasattr(type(e), "grain_energy") for e in sim.forces.body_effects)
         if not limit or pushes:  # by forces without an energy, whose work is not accounted for
             return
+        # What was turned over: the highest energy stored so far, changes of potential, work and dissipation.
         now = energies(sim)
         self.first = first = self.first or now
         self.highest = max(self.highest, now.kinetic + abs(now.elastic))

@@ -49,9 +49,11 @@ class StepLoopCPU:
     @ti.kernel
     def steps(self, count: ti.i32, mode: ti.i32):
         """Up to `count` steps, the first of them as `mode` says; one kernel serves all modes, as it compiles long."""
+        # Counters of the team, flags and the strain of the cell as they are before the first step.
         self.team.begin(self.grains.count[None], self.forces.pairs.row_start)
         self.validity.outdated[None] = 0
         self.stages.domain.note_strain()
+        # Taichi hands out blocks of at least SPREAD indices: one index of each block stands for a thread.
         ti.loop_config(serialize=self.team.size == 1)
         for i in range(self.team.size * SPREAD):
             if i % SPREAD == 0:
@@ -65,6 +67,7 @@ class StepLoopCPU:
         while step <= count and going == 1 and flag == 0:
             going, flag = self.step(t, block, step, count, mode)
             step += going
+        # All threads agree on where they stopped; the step that waits for a list is not counted as done.
         if self.team.lead(END_OF_LAUNCH):
             self.stages.halted[None] = 1 - going
         ti.atomic_max(self.stages.steps_done[None], ti.min(step, count) - ti.cast(mode != WHOLE, ti.i32))
@@ -81,7 +84,8 @@ class StepLoopCPU:
             if ti.static(self.spec.bonds > 0):
                 if drifts or mode == STARTED:
                     self.evaluate_bonds(t, step)
-            if drifts:  # other threads may have gone on, and found the list outdated in a later step
+            # Other threads may have gone on, and found the list outdated in a later step: only this step counts.
+            if drifts:
                 going = ti.cast(self.validity.outdated[None] != 1 + step, ti.i32)
             if going == 1:
                 self.evaluate_contacts(t, block, step, ti.select(mode == STARTED, 0.0, self.scheme.dt[None]))

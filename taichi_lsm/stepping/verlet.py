@@ -70,6 +70,7 @@ class VelocityVerlet:
         g = self.grains
         push = load.force * time + load.impulse
         g.velocity[k] = self.kicked(k, g.velocity[k], push * g.inverse_mass[k], g.inverse_mass[k])
+        # In 3D the angular momentum is the state: the angular velocity changes while the body turns without torque.
         if ti.static(self.spec.tumbles):
             push_angular = load.torque * time + load.angular_impulse
             g.angular_momentum[k] = self.kicked_momentum(k, push_angular, ti.cast(g.inverse_inertia[k], ti.f64))
@@ -156,6 +157,7 @@ class VelocityVerlet:
         omega = ti.Vector([ti.cast(0.0, ti.f64)] * g.sizes["rotation"])
         if ti.static(self.spec.rotates):
             omega = g.angular_velocity[k]
+        # The second half kick of the step, which is merged with the first one of the next step otherwise.
         if ti.static(self.half_step):
             if g.platen_index[k] < 0:
                 h = 0.5 * self.last_drift_time()
