@@ -195,14 +195,14 @@ def test_disc_cut_into_arcs_has_the_contacts_of_the_disc(pairs, table, arcs):
         scenes.reload(sim, velocity=rest, **before)
 
 
-def test_depth_beyond_the_cap_names_the_grains(pairs, table):
+def test_depth_beyond_the_overlap_limit_names_the_grains(pairs, table):
     sim, probe, arguments, *_ = pairs
-    caps = sim.state.overlap_limit.to_numpy().reshape(-1, 2).sum(axis=1)
-    victim = int(np.argmax((caps < 0.12) & (np.arange(PAIRS) > 100)))
+    limits = sim.state.overlap_limit.to_numpy().reshape(-1, 2).sum(axis=1)
+    victim = int(np.argmax((limits < 0.12) & (np.arange(PAIRS) > 100)))
     place = arguments["position"].reshape(-1, 2, 2).copy()
     inwards = place[victim, 0] - place[victim, 1]
     place[victim, 1] += 0.4 * inwards
     rest = np.zeros((2 * PAIRS, 2))
-    with pytest.raises(lsm.SimulationError, match=f"grains {2 * victim} and {2 * victim + 1}.*cap"):
+    with pytest.raises(lsm.SimulationError, match=f"grains {2 * victim} and {2 * victim + 1}.*overlap reached the limit"):
         scenes.reload(sim, position=place.reshape(-1, 2), velocity=rest)
     scenes.reload(sim, position=arguments["position"], velocity=rest)
