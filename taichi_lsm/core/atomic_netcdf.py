@@ -1,16 +1,29 @@
 """NetCDF files that appear whole or not at all."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
-def write_atomically(path, fill):
+def write_atomically(path: str | os.PathLike[str], fill: "Callable[[netCDF4.Dataset], None]") -> None:
     """Write the NetCDF file `path` so that a reader sees the old file or the new one, never a part.
 
-    fill: called with an open, empty netCDF4.Dataset. If it raises, `path` is unchanged and nothing is left.
-    One process per path. Not reentrant: a signal handler must set a flag, not write.
+    Parameters
+    ----------
+    path
+        The file, replaced if it exists. One process per path.
+    fill
+        Called with an open, empty dataset. If it raises, `path` is unchanged and nothing is left behind.
+
+    Notes
+    -----
+    Not reentrant: a signal handler must set a flag, not write.
     """
-    import netCDF4
+    import netCDF4  # not at the top: a program that writes no file does not wait for it
 
     path = Path(path)
     # One fixed name: what a killed process leaves is overwritten by the next write instead of piling up.

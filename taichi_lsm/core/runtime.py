@@ -1,52 +1,65 @@
 """The only import of Taichi and the only `ti.init` of the package.
 
-Every other module writes `from .runtime import ti`, so that a fork with the same interface can replace Taichi here.
+Every other module imports `ti` from here, so that a fork with the same interface can replace Taichi in one place.
 """
 
 import contextlib
 import io
 import os
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 # Taichi prints a banner to stdout on import, which would end up in the output of `lsm`.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 
-import taichi as ti  # noqa: E402
-from taichi.lang.ast import ast_transformer_utils  # noqa: E402
+import taichi as ti
+from taichi.lang.ast import ast_transformer_utils
 
-from .errors import InputError  # noqa: E402
+from .errors import InputError
 
 
 class _LongLines:
-    """Takes the place of the text wrapper that Taichi runs over the source of every node it reads, to quote it if there
-    is an error, at every start."""
+    """Stands in for the text wrapper with which Taichi prepares the source of every node for error messages.
 
-    def __init__(self, width):
+    Wrapping runs over every line of every kernel at every start and takes longer than the rest of the parsing.
+    """
+
+    def __init__(self, width: int) -> None:
         pass
 
-    def wrap(self, text):
+    def wrap(self, text: str) -> list[str]:
         return [text] if text.strip() else []
 
 
-ast_transformer_utils.TextWrapper = _LongLines
+ast_transformer_utils.TextWrapper = _LongLines  # pyright: ignore[reportAttributeAccessIssue]  # a stand-in by duck type
 
 
 @dataclass(frozen=True)
 class Runtime:
-    """How this process computes: arch "cpu" | "gpu", precision "f64" | "f32", number of CPU threads."""
+    """How this process computes.
+
+    Parameters
+    ----------
+    arch
+        "cpu" or "gpu".
+    precision
+        "f64" or "f32": number type of contact geometry, forces and history.
+    threads
+        Number of CPU threads.
+    """
 
     arch: str
     precision: str
     threads: int
 
     @property
-    def serial(self):
-        """Should kernels run in the calling thread? Handing a loop to a pool costs more than a small loop."""
+    def serial(self) -> bool:
+        """Whether kernels run in the calling thread: handing a loop to a pool costs more than a small loop."""
         return self.arch == "cpu" and self.threads == 1
 
     @property
-    def real(self):
+    def real(self) -> Any:
         """Taichi type of contact geometry, forces and history; positions, velocities and sums are always f64."""
         return ti.f64 if self.precision == "f64" else ti.f32
 
@@ -54,10 +67,19 @@ class Runtime:
 _current: Runtime | None = None
 
 
-def start(arch="cpu", precision="f64", threads=1) -> Runtime:
+def start(arch: str = "cpu", precision: str = "f64", threads: int = 1) -> Runtime:
     """Initialise Taichi once per process; a second call with the same settings does nothing.
 
-    A second `ti.init` would destroy the fields of the first, so other settings raise InputError.
+    Parameters
+    ----------
+    arch, precision, threads
+        As in `Runtime`.
+
+    Raises
+    ------
+    InputError
+        For a setting that does not exist, and for other settings than those with which Taichi already runs: a second
+        `ti.init` would destroy the fields of the first.
     """
     global _current
     for name, value, allowed in (("arch", arch, ("cpu", "gpu")), ("precision", precision, ("f64", "f32"))):
@@ -83,21 +105,26 @@ def start(arch="cpu", precision="f64", threads=1) -> Runtime:
 
 
 def current() -> Runtime:
-    """The settings of this process, started with the defaults if nobody has chosen."""
+    """The settings of this process, which is started with the defaults if it runs no Taichi yet."""
     return _current or start()
 
 
 MOST_NODES = 1024  # of a process, all fields together; fixed in Taichi
 
-_pending: list | None = None
+_pending: list[Callable[[], object]] | None = None
 
 
-@contextmanager
-def allocating():
+@contextlib.contextmanager
+def allocating() -> Iterator[None]:
     """Within this block fields are only declared; what is to be written to them waits until it ends.
 
     Taichi closes a memory tree at the first access to any field. A process has room for 512 trees and 1024 nodes and
     every tree is compiled, so that a simulation should declare all its fields before it touches one.
+
+    Raises
+    ------
+    InputError
+        At the end of the block, if the fields of this process overflow Taichi's table of nodes.
     """
     global _pending
     _pending = []
@@ -111,17 +138,17 @@ def allocating():
         _pending = None
 
 
-def _refuse_overflow():
+def _refuse_overflow() -> None:
     """Raise InputError if the declared fields overflow Taichi's table of nodes: it would write past its end."""
     last = ti.field(ti.i32, ()).snode.ptr.id
     if last >= MOST_NODES:
         raise InputError(
             f"this process has declared {last} Taichi nodes of {MOST_NODES}: there is no room for another simulation; "
-            "use Simulation.reset for scenes of the same make-up, or a process of its own"
+            "use Simulation.reset for scenes with the same KernelSpec, or a process of its own"
         )
 
 
-def when_allocated(write):
+def when_allocated(write: Callable[[], object]) -> None:
     """Call `write()` at the end of the surrounding `allocating` block, or now if there is none."""
     if _pending is None:
         write()

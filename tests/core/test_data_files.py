@@ -5,6 +5,7 @@ import tomllib
 
 import pytest
 
+import taichi_lsm as lsm
 from taichi_lsm.core.data_files import data_path, published_friction
 
 COLUMNS = ["source", "year", "conditions", "dimension", "shape", "mu", "kind", "reference", "note"]
@@ -26,10 +27,11 @@ def test_reference_values_are_plausible():
         assert row["note"] in ("abstract read", "unchecked"), row
         assert f"({row['year']})" in row["reference"] and str(row["year"]) in row["source"], row
         assert row["source"].split()[0] in row["reference"], row
+        assert list(row) == COLUMNS, row
 
 
 def test_known_values_are_there():
-    """The figures that the comparison of shapes is held against."""
+    """The values that the comparison of shapes is held against."""
     mu = {(r["source"], r["dimension"], r["shape"]): r["mu"] for r in published_friction()}
     assert mu["Mair 2002", 3, "smooth sphere"] == 0.45 and mu["Mair 2002", 3, "angular"] == 0.60
     assert mu["Frye 2002", 1, "rod"] == 0.15 and mu["Frye 2002", 2, "rod"] == 0.30
@@ -66,7 +68,7 @@ def test_first_folder_wins_and_missing_files_are_named(tmp_path):
     folders = (tmp_path / "absent", installed, source)
     assert data_path("both.csv", folders) == installed / "both.csv"
     assert data_path("one.csv", folders) == source / "one.csv"
-    with pytest.raises(FileNotFoundError, match="'two.csv' not found; available are both.csv, one.csv"):
+    with pytest.raises(lsm.InputError, match=r"'two\.csv': not found; available are both\.csv, one\.csv$"):
         data_path("two.csv", folders)
-    with pytest.raises(FileNotFoundError, match="available are none"):
+    with pytest.raises(lsm.InputError, match="available are none"):
         data_path("two.csv", (tmp_path / "absent",))

@@ -4,18 +4,7 @@ import dataclasses
 
 import pytest
 
-from taichi_lsm.contact import (
-    arc_chains as chains,
-)
-from taichi_lsm.contact import (
-    ball_polyhedra as polyhedra,
-)
-from taichi_lsm.contact import (
-    cone_patches as cones,
-)
-from taichi_lsm.contact import (
-    part_table as parts,
-)
+from taichi_lsm.contact import arc_chains, ball_polyhedra, cone_patches, part_table
 from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.schema import DTYPES, Variable
 from taichi_lsm.measure.sheared_layer import layer_rows
@@ -34,7 +23,7 @@ def test_variable_is_plain_and_frozen():
 
 
 @pytest.mark.parametrize(
-    "changes, message",
+    ("changes", "message"),
     [
         ({"name": "two words"}, "two words"),
         ({"dtype": "f16"}, "f16.*real, f64, i32"),
@@ -50,7 +39,13 @@ def test_refusals_name_the_row(changes, message):
 
 
 def test_names_are_unique_and_dtypes_known():
-    surfaces = [chains.PATCH_ROWS, polyhedra.FEATURE_ROWS, polyhedra.BOUND_ROWS, cones.patch_rows(), parts.BALL_ROWS]
+    surfaces = [
+        arc_chains.PATCH_ROWS,
+        ball_polyhedra.FEATURE_ROWS,
+        ball_polyhedra.BOUND_ROWS,
+        cone_patches.patch_rows(),
+        part_table.BALL_ROWS,
+    ]
     grains = grain_variables(KernelSpec(dim=3, multi_part=True, **ALL))
     pairs = [
         pair_variables(KernelSpec(multi_part=True, **ALL | {"kind": kind})) for kind in ("chain", "polyhedron", "cones")
