@@ -1,54 +1,87 @@
-"""The contract of a force law: one file in this folder, one class, discovered by name.
+"""The contract of an effect: what a scene lists in `Scene.effects`, one class in one file of this folder.
 
-A law is plain data on the host (validated in `__post_init__`) and a few Taichi functions in kernels. It sees a
-`Contact`, its own history and nothing else. Hooks that a class does not define are never compiled.
+An effect is a dataclass of plain numbers in SI units, checked when it is made, with a few Taichi functions that kernels
+call. It sees one contact, one grain or one bond and its own history, never the state. A hook that a class does not
+define is never compiled, and a scene pays only for the effects that it lists.
 
-    class MyLaw(Effect):                 decorated with @ti.data_oriented
-        phase = "normal"                 normal | damping | tangential | cohesion (in this order) | body | motion | bond
-        units = {"stiffness": "N m-1"}   of the fields of the dataclass
-        history = (HistoryValue(...),)   numbers kept per contact, zero in a new contact; may depend on the instance
-        needs = ("reduced_radius",)      inputs that only this law wants: see OPTIONAL
-        couples = True                   adds to contact.couple
-        role = "friction"                a scene may list one law of each role
-        variant = "slip law"             choices that are compiled in, so that the values of another cannot be loaded
-        def parameters(self)             {name: value}: become 0-d fields `self.<name>_`, readable in kernels
-        on_contact(self, contact, history) -> energy dissipated in this step [J]
-        contact_energy(self, contact, history) -> energy stored now [J]
-        on_grain(self, inverse_mass, force) adds to the force [N] on a mobile grain (phase "body")
-        grain_energy(self, inverse_mass, position) -> potential energy [J] of a grain (phase "body")
-        on_velocity(self, before, after, dt) -> velocity [m s-1] or spin [rad s-1] or angular momentum that a grain has
-            after the kick of a step, in place of `after` (phase "motion")
-        on_bond(self, u, turn, e_k, e_l, stiffness) -> force on l [N], couple on k, couple on l [N m] (phase "bond"; so
-            are the next four, and the arguments are those of elastic_brittle_bond.py)
-        bond_energy(self, u, turn, e_k, e_l, stiffness) -> energy of a bond [J]
-        bond_use(self, u, turn, e_k, e_l, stiffness, strength) -> part of its strength in use; a bond breaks above 1
-        bond_stiffness(self, radius, length, depth) -> (m, 4) numbers per bond, host
-        bond_strength(self, radius, depth) -> (m, 4) numbers per bond, host
-        onset_impulse(self, speed, acceleration, fraction, dt) -> impulse [N s], repulsive (phase "normal")
-        tangent_stiffness(self, contact) -> d F_n/d depth [N m-1] (phase "normal")
-        reach(self) -> distance of the surfaces up to which the law acts [m], host
-        stable_dt(self, bodies) -> largest stable step of this law alone [s], host
-        check(self, scene) raises InputError if the law makes no sense in the scene, host
-        cases(cls) -> instances that the contract tests try
+Declarations (class attributes)
+-------------------------------
+phase           When the effect acts. On contacts, in this order: "normal", "damping", "tangential", "cohesion", so that
+                friction reads the complete repulsive force. On grains: "body" (forces), "motion" (velocities).
+                Between bonded grains: "bond".
+units           {parameter: UDUNITS string}, one entry per field of the dataclass.
+history         `HistoryValue`s kept per contact, zero in a new contact; may depend on the instance.
+needs           Names of optional inputs of a contact that this effect reads; see `OPTIONAL`.
+adds_moment     True if it adds to `contact.contact_moment`.
+role            A scene may list one effect of each role, such as "friction"; "" if it may stand beside others.
+dissipates      True if it returns dissipated energy: it gets a column of that energy in every file.
+variant         Names the branch that is compiled in: values of another variant cannot be loaded into a compiled run.
+equation        The force law on one line, for `lsm list --effects`.
 
-`onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a
-step: for a force c t^p that starts a fraction of the step before its end it is -c dt^(p+1) zeta(-p, fraction), zeta
-the Hurwitz zeta function; speed [m s-1] is that of approach (begin) or recession (end) when the depth is zero, and
-acceleration [m s-2] the second rate of the depth in time (begin) or in reversed time (end).
+Hooks on the host
+-----------------
+parameters()                            {name: value}: become fields `self.<name>_`, read in kernels as
+                                        `self.<name>_[0]`; one compilation serves all values.
+normal_stiffness()                      Stiffness along the normal [N m-1].
+stiffness_per_radius()                  Stiffness over the radius sqrt(R d) of the contact [N m-2].
+stable_dt(bodies)                       Largest stable time step of this effect alone [s]; `bodies`: see `Bodies`.
+reach()                                 Distance of the surfaces up to which it acts [m]; 0: they must touch.
+check(scene)                            Raises `InputError` if it makes no sense in the scene.
+bond_stiffness(radius, length, depth)   (m, 4) stiffness numbers of m bonds (phase "bond").
+bond_strength(radius, depth)            (m, 4) strength numbers of m bonds (phase "bond").
+cases()                                 Classmethod: instances that the contract tests try.
 
-In `on_contact` a law adds to `contact.normal_force` [N, repulsive], `contact.stiffness` [N m-1] and
-`contact.tangential_force` [N, on the second grain], and writes its history in place. It is called while the grains
-touch and once more in the first step after they parted (`contact.touching` = 0, depth 0): it then must return no
-force, leave its history zero, and book what the history held. If any law has a reach, all are called up to it;
-`contact.gap` [m] is then the distance of the surfaces, and only the law with the reach may have a force there.
+Hooks in kernels (`@ti.func`)
+-----------------------------
+on_contact(contact, history) -> energy dissipated in this step [J]
+    Contact phases; once per step for every contact that touches or is in reach, and once more in the first step after
+    they parted. Adds to the contact: `normal_force` [N, repulsive], `stiffness` [N m-1], `tangential_force` [N, on the
+    second grain], `contact_moment` [N m, on the second grain]; sets `sliding`; writes its history in place. Both
+    arguments are `ti.template()`; without a history the second one is 0.
+contact_energy(contact, history) -> energy that the contact stores now [J]
+    Contact phases; whenever energies are measured. Without it the effect stores none.
+onset_impulse(speed, acceleration, fraction, dt) -> impulse [N s], repulsive
+    Phase "normal"; in the step in which a contact begins or ends, see below.
+on_grain(inverse_mass, force)
+    Phase "body"; once per step and mobile grain. Adds to `force` [N], a `ti.template()`; inverse_mass [kg-1].
+grain_energy(inverse_mass, position) -> potential energy [J]
+    Phase "body"; whenever energies are measured; position [m], world frame.
+on_velocity(before, after, dt) -> value in place of `after`
+    Phase "motion"; after the kick of every step, for the velocity [m s-1] and the angular velocity [rad s-1] (of grains
+    that tumble in 3D, the angular momentum) of a mobile grain before and after the kick.
+on_bond(u, rotation, e_k, e_l, stiffness) -> force on l [N], moment on k, moment on l [N m]
+    Phase "bond"; once per step and intact bond. Arguments: see `elastic_brittle_bond.bond_energy`.
+bond_energy(u, rotation, e_k, e_l, stiffness) -> energy of the bond [J]
+    Phase "bond"; when energies are measured, and when the bond breaks.
+bond_use(u, rotation, e_k, e_l, stiffness, strength) -> fraction of the strength in use [1]
+    Phase "bond"; once per step and intact bond, which breaks above 1.
 
-`contact.stiffness` is that of the linear spring which oscillates like the law: of a force that grows as depth^p it is
-(p + 1)/(2 p) of the slope, which makes dashpots in proportion to its root give one restitution at any speed.
+A contact that parted
+---------------------
+In the first step after the grains parted `contact.touching` is 0 and the depth 0. The effect then must return no force,
+leave its history zero, and return what the history held as dissipated. If any effect of the scene has a reach, all
+contact effects are called up to it; `contact.gap` [m] is then the distance of the surfaces, and only the effect with
+the reach may have a force there.
+
+Stiffness for dashpots
+----------------------
+`contact.stiffness` is that of the linear spring which oscillates like the effect: for a force that grows as depth^p it
+is (p + 1)/(2 p) of the slope. A dashpot in proportion to its root then gives one restitution at any speed.
+
+Onset
+-----
+`onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a step.
+For a force c t^p that starts a fraction of the step before its end it is -c dt^(p+1) zeta(-p, fraction), zeta the
+Hurwitz zeta function. speed [m s-1] is that of approach (begin) or recession (end) at depth zero, acceleration [m s-2]
+the second rate of the depth in time (begin) or in reversed time (end).
 """
 
 import copy
 import functools
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -58,31 +91,61 @@ from ..core.runtime import current, ti, when_allocated
 PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond")
 ON_CONTACTS = PHASES[:4]
 
+# Inputs that a contact has only if an effect of the scene `needs` them.
+# reduced_radius [m]: R_k R_l/(R_k + R_l) of the radii of curvature.
+# relative_angular_velocity [rad s-1]: of l against k, world frame.
+OPTIONAL = ("reduced_radius", "relative_angular_velocity")
+
 
 @dataclass(frozen=True)
 class HistoryValue:
-    """One number (per_axis=False) or one tangential vector (per_axis=True: one component in 2D, three in 3D)."""
+    """What an effect remembers per contact: one number, or one tangential vector.
+
+    Parameters
+    ----------
+    name
+        Identifier.
+    units
+        UDUNITS string, SI.
+    long_name
+        What it is, for `lsm list --effects`.
+    per_axis
+        False: one number. True: a tangential vector, one component in 2D and three in 3D (world frame).
+    """
 
     name: str
     units: str
     long_name: str
     per_axis: bool = False
 
-    def size(self, dim):
-        """Numbers stored in a scene of this dimension."""
+    def size(self, dim: int) -> int:
+        """Numbers stored per contact in a scene of this dimension."""
         return (1 if dim == 2 else 3) if self.per_axis else 1
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """What a law may know of the scene to bound its time step.
+    """What an effect may know of the grains of a scene to bound its time step.
 
-    dim; least_mass [kg], least_inertia [kg m2]: of the mobile grains; spin_factor [-]: greatest R^2 m/I for
-    tangential motion; lever_factor [-]: greatest a^2 m/I for normal motion, a the lever of a surface normal;
-    coordination: contacts that one grain may have at once; normal_stiffness [N m-1]: sum over the normal laws;
-    bond_rate [s-2]: bound on the square of the angular frequencies of the bonds, 0 without bonds;
-    contact_radius_per_mass [m kg-1]: greatest a/m of a mobile grain, a = sqrt(R d) of the greatest reduced radius
-    that its surface may meet and a depth d of a tenth of the grain; 0 unless a law needs the reduced radius.
+    Parameters
+    ----------
+    dim
+        2 or 3.
+    least_mass, least_inertia
+        Of the mobile grains [kg], [kg m2].
+    rotation_factor
+        Greatest R^2 m/I [1]: how much more easily a tangential force moves the surface than the centre.
+    lever_factor
+        Greatest a^2 m/I [1], a the lever of a surface normal: the same for a normal force.
+    coordination
+        Contacts that one grain may have at once.
+    normal_stiffness
+        Sum over the effects that repel [N m-1].
+    bond_rate
+        Bound on the square of the angular frequencies of the bonds [s-2]; 0 without bonds.
+    contact_radius_per_mass
+        Greatest a/m of a mobile grain [m kg-1], with a = sqrt(R d) of the greatest reduced radius R that its surface
+        may meet and a depth d of a tenth of the grain; 0 unless an effect needs the reduced radius.
     """
 
     dim: int
@@ -96,26 +159,44 @@ class Bodies:
     contact_radius_per_mass: float = 0.0
 
 
-# What a contact holds if a law `needs` it.
-# reduced_radius [m]: R_k R_l/(R_k + R_l) of the radii of curvature; relative_spin [rad s-1]: of l against k.
-OPTIONAL = ("reduced_radius", "relative_angular_velocity")
+class SceneFacts(Protocol):
+    """What `Effect.check` may read of a scene."""
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        ...
+
+    @property
+    def effects(self) -> Sequence["Effect"]:
+        """All effects that the scene lists."""
+        ...
 
 
-def contact_type(dim, effects=()):
-    """Taichi struct of one contact as the laws see it; world frame, relative to the first grain k.
+def contact_type(dim: int, effects: Sequence["Effect"] = ()) -> Any:
+    """Taichi struct of one contact as the effects of a scene see it.
 
-    depth [m] >= 0; touching 0 | 1; normal [-] from k to l; approach [m s-1]: closing speed -v_rel . n; slip [m s-1]:
-    tangential velocity of l against k at the contact point; spin_about_normal [rad s-1]: mean of both grains;
-    mass [kg]: m_k m_l/(m_k + m_l); dt [s]; the rest is what the laws add up, Eq. (10): normal_force [N, repulsive],
-    stiffness [N m-1], tangential_force [N, on l], couple [N m, on l]. Members that none of the laws wants are missing.
+    All vectors are in the world frame, and motion is relative to the first grain k. Members that none of the effects
+    wants are missing.
+
+    Returns
+    -------
+    ti.types.struct
+        Inputs: depth [m] >= 0; touching, 0 or 1; normal [1], from k to l; approach [m s-1], closing speed -v_rel . n;
+        slip [m s-1], tangential velocity of l against k at the contact point; normal_angular_velocity [rad s-1], mean
+        of both grains about the normal; mass [kg], m_k m_l/(m_k + m_l); dt [s]; gap [m], if an effect has a reach;
+        those of `OPTIONAL` that an effect needs.
+
+        Sums over the effects, Eq. (10) of Abe & Mora (2003): normal_force [N, repulsive]; stiffness [N m-1];
+        tangential_force [N, on l]; contact_moment [N m, on l], if an effect adds one; sliding, 0 or 1.
     """
     real = current().real
     vector = ti.types.vector(dim, real)
-    turning = ti.types.vector(1 if dim == 2 else 3, real)
+    axial = ti.types.vector(1 if dim == 2 else 3, real)  # angular velocities and moments
     wanted = {name for effect in effects for name in effect.needs}
     more = {"reduced_radius": real} if "reduced_radius" in wanted else {}
-    more |= {"relative_angular_velocity": turning} if "relative_angular_velocity" in wanted else {}
-    more |= {"contact_moment": turning} if any(effect.adds_moment for effect in effects) else {}
+    more |= {"relative_angular_velocity": axial} if "relative_angular_velocity" in wanted else {}
+    more |= {"contact_moment": axial} if any(effect.adds_moment for effect in effects) else {}
     more |= {"gap": real} if any(effect.reach() > 0.0 for effect in effects) else {}
     return ti.types.struct(
         depth=real,
@@ -135,51 +216,56 @@ def contact_type(dim, effects=()):
 
 
 class Effect:
-    """Base of all laws; see the module's docstring for the contract."""
+    """Base of all effects; the module's docstring is the contract."""
 
-    phase = "normal"
-    units: dict[str, str] = {}
+    phase: ClassVar[str] = "normal"
+    units: ClassVar[Mapping[str, str]] = {}
     history: tuple[HistoryValue, ...] = ()
-    needs: tuple[str, ...] = ()
-    adds_moment = False
-    role = ""
-    dissipates = False
-    variant = ""
-    equation = ""
+    needs: ClassVar[tuple[str, ...]] = ()
+    adds_moment: ClassVar[bool] = False
+    role: ClassVar[str] = ""
+    dissipates: ClassVar[bool] = False
+    variant: str = ""
+    equation: ClassVar[str] = ""
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Snake-case name: used in files, in TOML and by `lsm list`."""
         return effect_name(type(self))
 
-    def parameters(self):
+    def parameters(self) -> Mapping[str, float | Sequence[float]]:
         """Values that kernels read, by name; SI."""
         return {}
 
-    def history_size(self, dim):
+    def history_size(self, dim: int) -> int:
         """Numbers remembered per contact."""
         return sum(h.size(dim) for h in self.history)
 
-    def normal_stiffness(self):
-        """Stiffness that this law adds along the normal [N m-1]; host."""
+    def normal_stiffness(self) -> float:
+        """Stiffness that this effect adds along the normal [N m-1]."""
         return 0.0
 
-    def stiffness_per_radius(self):
-        """The same of a law that stiffens with the radius a = sqrt(R d) of the contact, over a [N m-2]; host."""
+    def stiffness_per_radius(self) -> float:
+        """Stiffness over the contact radius a = sqrt(R d) [N m-2], of an effect that stiffens with it."""
         return 0.0
 
-    def stable_dt(self, bodies):
-        """Largest stable time step of this law alone [s]."""
+    def stable_dt(self, bodies: Bodies) -> float:
+        """Largest stable time step of this effect alone [s], infinite if it does not bound the step."""
         return np.inf
 
-    def reach(self):
-        """Distance of the surfaces up to which this law acts [m]; 0 for one that needs them to touch."""
+    def reach(self) -> float:
+        """Distance of the surfaces up to which this effect acts [m]; 0 for one that needs them to touch."""
         return 0.0
 
-    def check(self, scene):
-        """Raise InputError, with the reason, if this law makes no sense in the scene."""
+    def check(self, scene: SceneFacts) -> None:
+        """Raise InputError, with the reason, if this effect makes no sense in the scene."""
 
-    def bound(self, **context):
+    @classmethod
+    def cases(cls) -> Sequence["Effect"]:
+        """Instances that the contract tests try; an effect with several variants gives one of each."""
+        return []
+
+    def bound(self) -> Self:
         """Copy whose parameters live in Taichi fields `<name>_`, so that one compilation serves all values."""
         twin = copy.copy(self)
         for name, value in twin.parameters().items():
@@ -187,8 +273,8 @@ class Effect:
         when_allocated(lambda: twin.write_parameters(self))
         return twin
 
-    def write_parameters(self, source):
-        """Take over the values of a law of the same class."""
+    def write_parameters(self, source: "Effect") -> None:
+        """Write the values of `source`, an effect of the same class, into the fields of this bound copy."""
         for name, value in source.parameters().items():
             field = getattr(self, f"{name}_")
             for i, number in enumerate(np.atleast_1d(np.asarray(value, float))):
@@ -196,19 +282,27 @@ class Effect:
 
 
 @functools.cache
-def effect_name(cls):
-    """CoulombFriction -> coulomb_friction."""
+def effect_name(cls: type[Effect]) -> str:
+    """Snake-case name of a class: CoulombFriction -> coulomb_friction."""
     return "".join(("_" if i and c.isupper() else "") + c.lower() for i, c in enumerate(cls.__name__))
 
 
-def require(condition, effect, field, value, allowed):
-    """Raise InputError naming the law's field, its value and what is allowed."""
+def require(condition: Any, effect: Effect, field: str, value: object, allowed: str) -> None:
+    """Raise InputError naming the effect's field, its value and what is allowed, unless the condition holds."""
     if not condition:
         raise InputError(f"{type(effect).__name__}.{field} = {value!r}: must be {allowed}")
 
 
-def check_elastic_constants(effect):
-    """Raise InputError unless the law's youngs_modulus and poissons_ratio are those of a solid."""
+def finite(value: Any) -> bool:
+    """Whether `value` is one finite number; False for text, None and arrays too."""
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False
+
+
+def check_elastic_constants(effect: Any) -> None:
+    """Raise InputError unless the effect's youngs_modulus and poissons_ratio are those of a solid."""
     modulus, ratio = effect.youngs_modulus, effect.poissons_ratio
-    require(np.isfinite(modulus) and modulus > 0.0, effect, "youngs_modulus", modulus, "> 0 Pa")
-    require(np.isfinite(ratio) and -1.0 < ratio <= 0.5, effect, "poissons_ratio", ratio, "> -1 and <= 0.5")
+    require(finite(modulus) and modulus > 0.0, effect, "youngs_modulus", modulus, "> 0 Pa")
+    require(finite(ratio) and -1.0 < ratio <= 0.5, effect, "poissons_ratio", ratio, "> -1 and <= 0.5")

@@ -1,22 +1,38 @@
 """Hertz's repulsion of elastic spheres."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..core.runtime import ti
-from .base import Effect, check_elastic_constants, require
+from .base import Bodies, Effect, SceneFacts, check_elastic_constants, require
 
 
 @ti.data_oriented
 @dataclass
 class Hertz(Effect):
-    """F_n = (4/3) E* sqrt(R) d^1.5, energy (8/15) E* sqrt(R) d^2.5: Hertz (1882), Johnson (1985), sec. 4.2.
+    """Repulsion of elastic spheres, F_n = (4/3) E* sqrt(R) d^1.5, with the energy (8/15) E* sqrt(R) d^2.5.
 
-    youngs_modulus E [Pa] > 0, poissons_ratio nu [-], -1 < nu <= 0.5, the same in both grains: E* = E/(2 (1 - nu^2));
+    Parameters
+    ----------
+    youngs_modulus
+        E [Pa] > 0, the same in both grains; E* = E/(2 (1 - nu^2)).
+    poissons_ratio
+        nu [1], -1 < nu <= 0.5.
+
+    Notes
+    -----
     1/R = 1/R_k + 1/R_l of the radii of curvature where the grains touch. In 2D grains are spheres that move in one
-    plane. Of arcs with unequal radii the force jumps where the contact crosses a seam, and the energy with it; chains
+    plane. With arcs of unequal radii the force jumps where the contact crosses a seam, and the energy with it; chains
     of equal arcs conserve it. Not for grains with edges, which have no single radius there.
+
+    No energy is dissipated and nothing is remembered. The stable step is that of a spring with the stiffness at a depth
+    of a tenth of the grain; deeper the stiffness rises as the root of the depth.
+
+    References
+    ----------
+    Hertz (1882); Johnson (1985), Contact Mechanics, sec. 4.2.
     """
 
     youngs_modulus: float
@@ -26,29 +42,32 @@ class Hertz(Effect):
     role = "elasticity"
     needs = ("reduced_radius",)
     equation = "F_n = 4/3 E* sqrt(R) d^1.5"
-    units = {"youngs_modulus": "Pa", "poissons_ratio": "1"}
+    units: ClassVar = {"youngs_modulus": "Pa", "poissons_ratio": "1"}
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_elastic_constants(self)
 
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
+        """Values that kernels read: e = E* [Pa]."""
         return {"e": self.youngs_modulus / (2.0 * (1.0 - self.poissons_ratio**2))}
 
-    def check(self, scene):
+    def check(self, scene: SceneFacts) -> None:
+        """Refuse a second effect that repels."""
         others = [e.name for e in scene.effects if e.phase == "normal" and e is not self]
         require(not others, self, "youngs_modulus", self.youngs_modulus, f"the only elasticity, but there is {others}")
 
-    def stiffness_per_radius(self):
-        """dF/dd = 2 E* a, a = sqrt(R d)."""
+    def stiffness_per_radius(self) -> float:
+        """2 E* [N m-2]: dF/dd = 2 E* a, a = sqrt(R d) the radius of the contact."""
         return 2.0 * self.parameters()["e"]
 
-    def stable_dt(self, bodies):
-        """As for a spring of the stiffness at a depth of a tenth of the grain; deeper it rises as the root."""
+    def stable_dt(self, bodies: Bodies) -> float:
+        """2/omega [s] of a spring with the stiffness at a depth of a tenth of the grain."""
         per_contact = self.stiffness_per_radius() * bodies.contact_radius_per_mass * (1.0 + bodies.lever_factor)
         return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
+        """F_n += 2/3 slope d; the linear spring that oscillates alike has 5/6 of the slope."""
         slope = self.tangent_stiffness(contact)
         contact.normal_force += 2.0 / 3.0 * slope * contact.depth
         contact.stiffness += 5.0 / 6.0 * slope
@@ -56,12 +75,15 @@ class Hertz(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
+        """Energy (8/15) E* sqrt(R) d^2.5 [J]."""
         return 4.0 / 15.0 * self.tangent_stiffness(contact) * contact.depth * contact.depth
 
     @ti.func
     def tangent_stiffness(self, contact):
+        """Slope dF_n/dd = 2 E* sqrt(R d) [N m-1]."""
         return 2.0 * self.e_[0] * ti.sqrt(contact.reduced_radius * contact.depth)
 
     @classmethod
-    def cases(cls):
+    def cases(cls) -> list["Hertz"]:
+        """Instances that the contract tests try."""
         return [cls(youngs_modulus=1.0e5, poissons_ratio=0.3), cls(youngs_modulus=7.0e10, poissons_ratio=0.0)]

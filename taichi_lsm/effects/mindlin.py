@@ -1,11 +1,12 @@
 """Friction of Hertz contacts with partial slip and its hysteresis, after Mindlin and Deresiewicz."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..core.runtime import ti
-from .base import Effect, HistoryValue, check_elastic_constants, require
+from .base import Bodies, Effect, HistoryValue, SceneFacts, check_elastic_constants, finite, require
 from .tangential_spring import transported
 
 TINY = 1.0e-30  # keeps quotients finite where a force or a length is zero
@@ -39,19 +40,35 @@ def displaced(f):
 @ti.data_oriented
 @dataclass
 class Mindlin(Effect):
-    """dF_t = k_t (1 - |F_t - F_0|/(c mu F_n))^(1/3) du, |F_t| <= mu F_n: Mindlin & Deresiewicz (1953).
+    """Friction with partial slip, dF_t = k_t (1 - |F_t - F_0|/(c mu F_n))^(1/3) du, |F_t| <= mu F_n.
 
-    coefficient mu [-] >= 0; youngs_modulus E [Pa] and poissons_ratio nu [-] as in Hertz, which the scene must list.
-    k_t = 8 G* a, a = sqrt(R d), G* = E/(4 (1 + nu) (2 - nu)). The slip begins at the rim of the contact and softens it:
+    Parameters
+    ----------
+    coefficient
+        mu [1] >= 0.
+    youngs_modulus
+        E [Pa] > 0, that of `Hertz`, which the scene must list.
+    poissons_ratio
+        nu [1], -1 < nu <= 0.5, that of `Hertz`.
+
+    Notes
+    -----
+    k_t = 8 G* a, a = sqrt(R d), G* = E/(4 (1 + nu) (2 - nu)). Slip begins at the rim of the contact and softens it:
     F_0 = 0 and c = 1 at first, then the force at the last turning point and c = 2. The two outer turning points are
     remembered; a loop within the inner loop goes back the way it came and has no hysteresis.
 
-    Exact for any slip along one line at constant F_n, with one loop inside another, and in full sliding. Else an
+    Exact for any slip along one line at constant F_n, with one loop inside another, and in full sliding. Otherwise an
     approximation: in 3D the curve is followed radially from F_0; if F_n grows the new contact area carries no force
     yet, if it falls the force falls with k_t, so that no cycle yields energy. An elastic oblique impact that sticks
     in part leaves a surface velocity up to 0.22 mu v_n (of 1.8 mu v_n at most) short of the exact recoil.
-    The energy stored is taken as F_t^2/(2 k_t). What partial slip locks in besides is booked as dissipated and comes
-    back in unloading, where this book may fall for a while.
+
+    The energy stored is taken as F_t^2/(2 k_t). What partial slip locks in besides is added to the dissipated energy
+    and comes back in unloading, where that energy may fall for a while. Remembered: the force, both turning points and
+    the root of the compliance. The stable step is that of Hertz with k_t and the leverage R^2 m/I of tangential motion.
+
+    References
+    ----------
+    Mindlin & Deresiewicz (1953).
     """
 
     coefficient: float
@@ -63,7 +80,7 @@ class Mindlin(Effect):
     needs = ("reduced_radius",)
     dissipates = True
     equation = "dF_t = k_t (1 - |F_t - F_0|/(c mu F_n))^(1/3) du,  |F_t| <= mu F_n"
-    units = {"coefficient": "1", "youngs_modulus": "Pa", "poissons_ratio": "1"}
+    units: ClassVar = {"coefficient": "1", "youngs_modulus": "Pa", "poissons_ratio": "1"}
     history = (
         HistoryValue("mindlin_force", "N", "tangential force of the last step", per_axis=True),
         HistoryValue("first_turning_point", "N", "force at which loading ended, zero before", per_axis=True),
@@ -71,26 +88,28 @@ class Mindlin(Effect):
         HistoryValue("root_compliance", "m0.5 N-0.5", "root of the tangential compliance of the last step"),
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         mu = self.coefficient
-        require(np.isfinite(mu) and mu >= 0.0, self, "coefficient", mu, ">= 0")
+        require(finite(mu) and mu >= 0.0, self, "coefficient", mu, ">= 0")
         check_elastic_constants(self)
 
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
+        """Values that kernels read: mu [1], g = 8 G* [Pa]."""
         return {"mu": self.coefficient, "g": self.stiffness_per_contact_radius()}
 
-    def stiffness_per_contact_radius(self):
+    def stiffness_per_contact_radius(self) -> float:
         """8 G* [Pa]."""
         nu = self.poissons_ratio
         return 2.0 * self.youngs_modulus / ((1.0 + nu) * (2.0 - nu))
 
-    def check(self, scene):
+    def check(self, scene: SceneFacts) -> None:
+        """Refuse a scene without Hertz, or with one of other elastic constants."""
         mine = (self.youngs_modulus, self.poissons_ratio)
         found = [(e.youngs_modulus, e.poissons_ratio) for e in scene.effects if e.name == "hertz"]
         require(found == [mine], self, "youngs_modulus, poissons_ratio", mine, f"those of Hertz in the scene, {found}")
 
-    def stable_dt(self, bodies):
-        """As for Hertz, with the leverage R^2 m/I of tangential motion."""
+    def stable_dt(self, bodies: Bodies) -> float:
+        """2/omega [s] with k_t at a depth of a tenth of the grain, as in `Hertz`."""
         per_contact = (
             self.stiffness_per_contact_radius() * bodies.contact_radius_per_mass * (1.0 + bodies.rotation_factor)
         )
@@ -98,6 +117,7 @@ class Mindlin(Effect):
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
+        """F_t is moved along the curve of the present loop by the slip of the step; returns work less stored energy."""
         n = contact.normal
         axes = ti.static(1 if n.n == 2 else 3)
         k = self.g_[0] * ti.sqrt(contact.reduced_radius * contact.depth)
@@ -111,17 +131,20 @@ class Mindlin(Effect):
             step = contact.slip * contact.dt
             f_old = transported(f_old, n, contact)
             first, second = transported(first, n, contact), transported(second, n, contact)
-        softness = history[3 * axes] * history[3 * axes]
-        fall = ti.select(softness > 0.0, ti.min(1.0, k * softness), 1.0)
+        # Where the contact area has shrunk, the force falls with k_t; growth leaves it, and the limit cuts all three.
+        compliance = history[3 * axes] * history[3 * axes]
+        fall = ti.select(compliance > 0.0, ti.min(1.0, k * compliance), 1.0)
         f = shortened(fall * f_old, limit)
         first, second = shortened(fall * first, limit), shortened(fall * second, limit)
         # 0: first loading, 1: on the way back from the first turning point, 2: from the second towards the first
         level = ti.select(first.norm() > 0.0, ti.select(second.norm() > 0.0, 2, 1), 0)
-        turns = step.dot(f - ti.select(level == 2, second, first)) < 0.0
-        if turns and level < 2:
+        # A slip against the present direction of loading is a new turning point; the third and later ones are not kept.
+        reverses = step.dot(f - ti.select(level == 2, second, first)) < 0.0
+        if reverses and level < 2:
             second = ti.select(level == 1, f, second)
             first = ti.select(level == 0, f, first)
             level += 1
+        # Along the curve of the level: displacement y of the force from its origin, both over those of full slip.
         origin = ti.select(level == 2, second, first)
         size = ti.max(ti.select(level == 0, 1.0, 2.0) * limit, TINY)
         y_old = displaced((f - origin) / size)
@@ -156,12 +179,14 @@ class Mindlin(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
+        """Energy F_t^2/(2 k_t) [J]."""
         axes = ti.static(1 if contact.normal.n == 2 else 3)
         f = self.remembered(history, 0)
         return 0.5 * f.dot(f) * history[3 * axes] * history[3 * axes]
 
     @classmethod
-    def cases(cls):
+    def cases(cls) -> list["Mindlin"]:
+        """Instances that the contract tests try."""
         return [
             cls(coefficient=0.5, youngs_modulus=1.0e3, poissons_ratio=0.3),
             cls(coefficient=0.0, youngs_modulus=1.0e4, poissons_ratio=0.0),

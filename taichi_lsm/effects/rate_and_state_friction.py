@@ -1,11 +1,10 @@
 """Friction that depends on the rate of slip and on the state of the contact."""
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import ClassVar
 
 from ..core.runtime import ti
-from .base import Effect, HistoryValue, require
+from .base import Bodies, Effect, HistoryValue, finite, require
 from .tangential_spring import in_space, remember, slip_of, spring_of, square_of, stable_spring_step
 
 ITERATIONS = 12  # of Newton's method, at most
@@ -17,18 +16,40 @@ INSTANT = 1e-20  # [s], in place of a step of no length
 @ti.data_oriented
 @dataclass
 class RateAndStateFriction(Effect):
-    """F_t = mu F_n, mu = a asinh(V/(2 V_0) exp((mu_0 + b ln(V_0 theta/D_c))/a)), behind a spring k_t.
+    """Rate-and-state friction, F_t = F_n a asinh(V/(2 V_0) exp((mu_0 + b ln(V_0 theta/D_c))/a)), behind a spring k_t.
 
-    reference_coefficient mu_0 [-] >= 0; direct_effect a [-] > 0; evolution_effect b [-] >= 0;
-    slip_distance D_c [m] > 0; reference_velocity V_0 [m s-1] > 0; tangential_stiffness k_t [N m-1] > 0;
-    evolution "ageing": theta' = 1 - V theta/D_c, or "slip": theta' = -(V theta/D_c) ln(V theta/D_c).
-    Dieterich (1979), Ruina (1983), regularised at rest by Rice, Lapusta & Ranjith (2001); in the lattice solid model
-    Abe, Dieterich, Mora & Place (2002). A new contact has theta = D_c/V_0: it is in the steady state of V_0.
+    Parameters
+    ----------
+    reference_coefficient
+        mu_0 [1] >= 0: friction in the steady state of V_0.
+    direct_effect
+        a [1] > 0.
+    evolution_effect
+        b [1] >= 0.
+    slip_distance
+        D_c [m] > 0.
+    reference_velocity
+        V_0 [m s-1] > 0.
+    tangential_stiffness
+        k_t [N m-1] > 0.
+    evolution
+        "ageing": theta' = 1 - V theta/D_c, or "slip": theta' = -(V theta/D_c) ln(V theta/D_c).
 
+    Notes
+    -----
     V is the rate at which the spring of the contact gives way, and there is no stick: a contact at rest creeps. In
     each step k_t (xi_trial - V dt) = F_n mu(V, theta(V)) is solved for V, theta at the end of the step from its exact
-    evolution at constant V. A spring softer than (b - a) F_n/D_c slips unstably by itself, within a step.
-    A contact counts as sliding at V >= V_0.
+    evolution at constant V. A spring softer than (b - a) F_n/D_c slips unstably by itself, within a step. A contact
+    counts as sliding at V >= V_0.
+
+    The spring stores k_t xi^2/2; the work of slip is dissipated. Remembered: the spring xi, and the state as
+    ln(V_0 theta/D_c). A new contact has theta = D_c/V_0: it is in the steady state of V_0. The stable step is that of
+    the spring, with the leverage R^2 m/I of tangential motion; rate and state are implicit and do not bound it.
+
+    References
+    ----------
+    Dieterich (1979), Ruina (1983); regularised at rest by Rice, Lapusta & Ranjith (2001); in the lattice solid model
+    Abe, Dieterich, Mora & Place (2002).
     """
 
     reference_coefficient: float
@@ -43,7 +64,7 @@ class RateAndStateFriction(Effect):
     role = "friction"
     dissipates = True
     equation = "F_t = F_n a asinh(V/(2 V_0) exp((mu_0 + b ln(V_0 theta/D_c))/a))"
-    units = {
+    units: ClassVar = {
         "reference_coefficient": "1",
         "direct_effect": "1",
         "evolution_effect": "1",
@@ -57,7 +78,7 @@ class RateAndStateFriction(Effect):
         HistoryValue("state", "1", "ln(V_0 theta/D_c), zero in the steady state of V_0"),
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, unit in (
             ("direct_effect", ""),
             ("slip_distance", " m"),
@@ -65,17 +86,19 @@ class RateAndStateFriction(Effect):
             ("tangential_stiffness", " N/m"),
         ):
             value = getattr(self, name)
-            require(np.isfinite(value) and value > 0.0, self, name, value, f"> 0{unit}")
+            require(finite(value) and value > 0.0, self, name, value, f"> 0{unit}")
         for name in ("reference_coefficient", "evolution_effect"):
             value = getattr(self, name)
-            require(np.isfinite(value) and value >= 0.0, self, name, value, ">= 0")
+            require(finite(value) and value >= 0.0, self, name, value, ">= 0")
         require(self.evolution in ("ageing", "slip"), self, "evolution", self.evolution, "'ageing' or 'slip'")
 
     @property
-    def variant(self):
+    def variant(self) -> str:
+        """The evolution of the state."""
         return self.evolution
 
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
+        """Values that kernels read: mu_0, a, b [1], D_c [m], V_0 [m s-1], k_t [N m-1]."""
         return {
             "mu_0": self.reference_coefficient,
             "a": self.direct_effect,
@@ -85,13 +108,17 @@ class RateAndStateFriction(Effect):
             "k_t": self.tangential_stiffness,
         }
 
-    def stable_dt(self, bodies):
-        """As for the normal spring, with the leverage R^2 m/I of tangential motion; rate and state are implicit."""
+    def stable_dt(self, bodies: Bodies) -> float:
+        """2/omega [s] of the tangential spring, see `stable_spring_step`."""
         return stable_spring_step(self.tangential_stiffness, bodies)
 
     @ti.func
     def evolved(self, s, y, r):
-        """State s = ln(V_0 theta/D_c) after a step at V = V_0 e^y, and its slope in y; r = V_0 dt/D_c."""
+        """State s = ln(V_0 theta/D_c) after a step at V = V_0 e^y, and its slope in y; r = V_0 dt/D_c.
+
+        With x = V dt/D_c and phi = (1 - e^-x)/x the ageing law gives theta V_0/D_c -> e^(s - x) + r phi, the slip law
+        s -> s e^-x - y x phi. Where a sum would lose its smaller term to rounding, its series takes over.
+        """
         x = r * ti.exp(y)  # V dt/D_c
         left = ti.exp(-x)
         phi = ti.select(x < 1e-2, 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))), (1.0 - left) / x)
@@ -108,7 +135,10 @@ class RateAndStateFriction(Effect):
 
     @ti.func
     def strength(self, s, y):
-        """mu/a at V = V_0 e^y in the state s, and its slope in y at constant s."""
+        """mu/a = asinh(e^power/2) at V = V_0 e^y in the state s, and its slope in y at constant s.
+
+        Written in t = e^-|power|, which neither overflows nor cancels, with a series where mu is nearly zero.
+        """
         power = y + (self.mu_0_[0] + self.b_[0] * s) / self.a_[0]
         t = ti.exp(-ti.abs(power))
         root = ti.sqrt(0.25 + t * t)
@@ -122,7 +152,7 @@ class RateAndStateFriction(Effect):
         """(xi/size, new state, ln(V/V_0)) of a spring of trial length `size` [m]; limit = a F_n/k_t [m].
 
         Newton's method for the logarithm of z(y) + V_0 dt e^y/limit = q, where z = mu/a and q = size/limit. It keeps a
-        bracket, for where b > a the state may make the left side fall with y.
+        bracket, for where b > a the state may make the left side fall with y; a step that leaves it is halved.
         """
         q = size / limit
         rate, r = self.V_0_[0] * dt / limit, self.V_0_[0] * dt / self.D_c_[0]
@@ -152,14 +182,15 @@ class RateAndStateFriction(Effect):
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
+        """F_t -= k_t xi, xi shortened by the slip V dt that solves the law; returns the work of that slip."""
         k_t = self.k_t_[0]
         limit = self.a_[0] / k_t * contact.normal_force
         xi_old = spring_of(contact, history)
         trial = xi_old + slip_of(contact)
         last = ti.static(xi_old.n)
         size, dt = ti.max(ti.sqrt(trial.dot(trial)), TINY), ti.max(contact.dt, INSTANT)
-        part, s, y = self.slipped(size, ti.max(limit, TINY), history[last], dt)
-        xi = ti.select(limit > 0.0, part, 0.0) * trial
+        share, s, y = self.slipped(size, ti.max(limit, TINY), history[last], dt)
+        xi = ti.select(limit > 0.0, share, 0.0) * trial
         contact.sliding = ti.select(y >= 0.0, 1, 0)
         contact.tangential_force -= in_space(contact, k_t * xi)
         remember(history, xi)
@@ -168,8 +199,10 @@ class RateAndStateFriction(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
+        """Energy k_t xi^2/2 [J]."""
         return 0.5 * self.k_t_[0] * square_of(contact, history)
 
     @classmethod
-    def cases(cls):
+    def cases(cls) -> list["RateAndStateFriction"]:
+        """Instances that the contract tests try."""
         return [cls(0.6, 0.03, 0.02, 1e-2, 1e-3, 2.0e2), cls(0.4, 0.01, 0.015, 0.1, 1.0, 1.0e3, "slip")]

@@ -1,12 +1,20 @@
-"""Tangential springs: vectors that belong to a contact and turn with it, their energy and their stable step."""
+"""Tangential springs: vectors that belong to a contact and turn with it, their energy and their stable step.
+
+A spring has one component in 2D, along the normal turned by 90 degrees, and three in 3D, in the world frame. It is the
+first entry of the history of every effect that uses these functions.
+"""
 
 import numpy as np
 
 from ..core.runtime import ti
+from .base import Bodies
 
 
-def stable_spring_step(stiffness, bodies):
-    """Stable step [s] of a tangential spring [N m-1]: as of a normal one, with the leverage R^2 m/I of spinning."""
+def stable_spring_step(stiffness: float, bodies: Bodies) -> float:
+    """Stable step 2/omega [s] of a tangential spring k_t [N m-1], omega^2 = 2 C k_t/m (1 + R^2 m/I).
+
+    C contacts on the lightest grain and on its partner, as for a normal spring; R^2 m/I is the leverage of rotation.
+    """
     per_contact = stiffness / bodies.least_mass * (1.0 + bodies.rotation_factor)
     return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
 
@@ -22,11 +30,12 @@ def square_of(contact, history):
 
 @ti.func
 def transported(xi, n, contact):
-    """Tangential vector carried along with the contact plane: turned to the new normal n, then spun about it.
+    """Tangential vector carried along with the contact plane: turned to the new normal n, then rotated about it.
 
     Projection on the new plane with the length restored is the least rotation up to the square of the small angle
     that the normal turns in one step. The length is restored by the series of 1/sqrt(1 - x), x the square of the sine
-    of that angle: to 3e-9 for a turn of 0.1, and for wild turns too short, which creates no energy.
+    of that angle: to 3e-9 for a rotation by 0.1 rad; after large rotations it is too short, which creates no
+    energy.
     """
     along = xi.dot(n)
     size2 = xi.dot(xi)
@@ -49,7 +58,7 @@ def spring_of(contact, history):
 
 @ti.func
 def slip_of(contact):
-    """Slip of the step [m], with the components of `spring_of`."""
+    """Slip of the step [m], in the components of `spring_of`."""
     n = contact.normal
     if ti.static(n.n == 2):
         return ti.Vector([ti.Vector([-n[1], n[0]]).dot(contact.slip) * contact.dt])
@@ -59,7 +68,7 @@ def slip_of(contact):
 
 @ti.func
 def in_space(contact, xi):
-    """Vector in space of the components of `spring_of`."""
+    """World vector with the components of `spring_of`."""
     n = contact.normal
     if ti.static(n.n == 2):
         return xi[0] * ti.Vector([-n[1], n[0]])
@@ -69,7 +78,7 @@ def in_space(contact, xi):
 
 @ti.func
 def limited(trial, limit):
-    """(The spring `trial` shortened to `limit` if it is longer, 1 if it was)."""
+    """(the spring `trial`, shortened to `limit` if it is longer; 1 if it was, else 0)."""
     xi, slides = trial, 0
     if ti.static(trial.n == 1):
         xi[0] = ti.max(-limit, ti.min(limit, trial[0]))
@@ -84,6 +93,6 @@ def limited(trial, limit):
 
 @ti.func
 def remember(history: ti.template(), xi):
-    """Let a history begin with the spring xi."""
+    """Write the spring xi to the beginning of a history."""
     for axis in ti.static(range(xi.n)):
         history[axis] = xi[axis]

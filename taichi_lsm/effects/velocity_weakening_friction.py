@@ -1,25 +1,41 @@
 """Friction that weakens with the velocity of slip."""
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import ClassVar
 
 from ..core.runtime import ti
-from .base import Effect, HistoryValue, require
+from .base import Bodies, Effect, HistoryValue, finite, require
 from .tangential_spring import in_space, limited, remember, slip_of, spring_of, square_of, stable_spring_step
 
 
 @ti.data_oriented
 @dataclass
 class VelocityWeakeningFriction(Effect):
-    """F_t = -k_t xi, |F_t| <= mu(V) F_n with mu(V) = mu_d + (mu_s - mu_d)/(1 + V/V_c): half way down at V_c.
+    """Friction that weakens with slip velocity, |F_t| <= mu(V) F_n, mu(V) = mu_d + (mu_s - mu_d)/(1 + V/V_c).
 
-    static_coefficient mu_s [-] >= dynamic_coefficient mu_d [-] >= 0; critical_velocity V_c [m s-1] > 0;
-    tangential_stiffness k_t [N m-1] > 0. With mu_d = 0 it is the law of Carlson & Langer (1989), alpha = 1/(2 V_c),
-    which the lattice solid model uses (Mora & Place 1994).
-    V [m s-1] is the speed at which the surfaces of the two grains pass each other, as there; the inertia of the grains
-    bounds its changes. The rate at which the spring gives way is no substitute: a spring without mass on a surface
-    that weakens with this rate has no steady slip, however stiff it is.
+    Parameters
+    ----------
+    static_coefficient
+        mu_s [1] >= mu_d.
+    dynamic_coefficient
+        mu_d [1] >= 0.
+    critical_velocity
+        V_c [m s-1] > 0: where mu is half way down from mu_s to mu_d.
+    tangential_stiffness
+        k_t [N m-1] > 0 of the spring xi, F_t = -k_t xi.
+
+    Notes
+    -----
+    V [m s-1] is the speed at which the surfaces of the two grains pass each other, as in Mora & Place (1994); the
+    inertia of the grains bounds its changes. The rate at which the spring gives way is no substitute: a spring without
+    mass on a surface that weakens with this rate has no steady slip, however stiff it is.
+
+    Energy, dissipation, history (the spring) and stable step are those of `CoulombFriction`.
+
+    References
+    ----------
+    With mu_d = 0 the friction law of Carlson & Langer (1989), alpha = 1/(2 V_c), which the lattice solid model uses
+    (Mora & Place 1994).
     """
 
     static_coefficient: float
@@ -31,7 +47,7 @@ class VelocityWeakeningFriction(Effect):
     role = "friction"
     dissipates = True
     equation = "F_t = -k_t xi,  |F_t| <= mu(V) F_n,  mu(V) = mu_d + (mu_s - mu_d)/(1 + V/V_c)"
-    units = {
+    units: ClassVar = {
         "static_coefficient": "1",
         "dynamic_coefficient": "1",
         "critical_velocity": "m s-1",
@@ -39,15 +55,22 @@ class VelocityWeakeningFriction(Effect):
     }
     history = (HistoryValue("tangential_spring", "m", "elongation of the tangential spring", per_axis=True),)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         mu_s, mu_d = self.static_coefficient, self.dynamic_coefficient
-        require(np.isfinite(mu_s) and mu_s >= 0.0, self, "static_coefficient", mu_s, ">= 0")
-        require(0.0 <= mu_d <= mu_s, self, "dynamic_coefficient", mu_d, f"from 0 to static_coefficient, {mu_s:g}")
+        require(finite(mu_s) and mu_s >= 0.0, self, "static_coefficient", mu_s, ">= 0")
+        require(
+            finite(mu_d) and 0.0 <= mu_d <= mu_s,
+            self,
+            "dynamic_coefficient",
+            mu_d,
+            f"from 0 to static_coefficient, {mu_s:g}",
+        )
         for name, unit in (("critical_velocity", "m/s"), ("tangential_stiffness", "N/m")):
             value = getattr(self, name)
-            require(np.isfinite(value) and value > 0.0, self, name, value, f"> 0 {unit}")
+            require(finite(value) and value > 0.0, self, name, value, f"> 0 {unit}")
 
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
+        """Values that kernels read: mu_s, mu_d [1], V_c [m s-1], k_t [N m-1]."""
         return {
             "mu_s": self.static_coefficient,
             "mu_d": self.dynamic_coefficient,
@@ -55,17 +78,18 @@ class VelocityWeakeningFriction(Effect):
             "k_t": self.tangential_stiffness,
         }
 
-    def stable_dt(self, bodies):
-        """As for the normal spring, with the leverage R^2 m/I of tangential motion."""
+    def stable_dt(self, bodies: Bodies) -> float:
+        """2/omega [s] of the tangential spring, see `stable_spring_step`."""
         return stable_spring_step(self.tangential_stiffness, bodies)
 
     @ti.func
     def coefficient(self, speed):
-        """mu(V)."""
+        """mu(V) [1] at the speed V [m s-1]."""
         return self.mu_d_[0] + (self.mu_s_[0] - self.mu_d_[0]) * self.V_c_[0] / (self.V_c_[0] + speed)
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
+        """F_t -= k_t xi, xi the spring after the slip of the step, cut to its limit; returns the work cut off."""
         k_t = self.k_t_[0]
         limit = self.coefficient(ti.sqrt(contact.slip.dot(contact.slip))) / k_t * contact.normal_force
         xi_old = spring_of(contact, history)
@@ -78,10 +102,12 @@ class VelocityWeakeningFriction(Effect):
 
     @ti.func
     def contact_energy(self, contact, history):
+        """Energy k_t xi^2/2 [J]."""
         return 0.5 * self.k_t_[0] * square_of(contact, history)
 
     @classmethod
-    def cases(cls):
+    def cases(cls) -> list["VelocityWeakeningFriction"]:
+        """Instances that the contract tests try."""
         return [
             cls(static_coefficient=0.7, dynamic_coefficient=0.2, critical_velocity=0.05, tangential_stiffness=2.0e2),
             cls(static_coefficient=0.5, dynamic_coefficient=0.5, critical_velocity=1.0, tangential_stiffness=1.0e3),

@@ -1,17 +1,18 @@
 """Viscous damping along the normal, from a coefficient of restitution or a given rate."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..core.runtime import ti
-from .base import Effect, HistoryValue, require
+from .base import Bodies, Effect, HistoryValue, SceneFacts, finite, require
 
 
-def restitution_of(zeta):
+def restitution_of(zeta: float) -> float:
     """Restitution e of a linear spring with dashpot whose total force is never attractive.
 
-    zeta = c/(2 sqrt(k m)) > 0. The contact ends when k d + c d' = 0, Schwager & Poeschel (2007), Eq. (21).
+    zeta = c/(2 sqrt(k m)) >= 0 [1]. The contact ends when k d + c d' = 0, Schwager & Poeschel (2007), Eq. (21).
     """
     if zeta == 0.0:
         return 1.0
@@ -25,8 +26,8 @@ def restitution_of(zeta):
     return float(np.exp(-zeta / omega * np.log((zeta + omega) / (zeta - omega))))
 
 
-def damping_ratio_of(restitution):
-    """zeta = c/(2 sqrt(k m)) that gives this restitution; 0.01 <= restitution <= 1. By bisection."""
+def damping_ratio_of(restitution: float) -> float:
+    """Ratio zeta = c/(2 sqrt(k m)) [1] that gives this restitution, 0.01 <= restitution <= 1; by bisection."""
     if restitution == 1.0:
         return 0.0
     low, high = 0.0, 1.0e3
@@ -40,12 +41,26 @@ def damping_ratio_of(restitution):
 @ti.data_oriented
 @dataclass
 class ViscousDamping(Effect):
-    """F_d = c d', with the total normal force never attractive: F_n = max(0, F_elastic + c d').
+    """Dashpot along the normal, F_n = max(0, F_elastic + c d'): the total normal force is never attractive.
 
-    Give exactly one of
-    restitution e [-], 0.01 <= e <= 1: c = 2 zeta sqrt(k m), the same restitution for every pair of masses m;
-    rate gamma [s-1] >= 0: c = gamma m, the form of many particle codes.
-    k is the stiffness of the normal laws listed before; m the reduced mass.
+    Give exactly one of the two parameters.
+
+    Parameters
+    ----------
+    restitution
+        e [1], 0.01 <= e <= 1: c = 2 zeta(e) sqrt(k m), the same restitution for every pair of masses.
+    rate
+        gamma [s-1] >= 0: c = gamma m, the form of many particle codes.
+
+    Notes
+    -----
+    k is the stiffness of the effects that repel, m the reduced mass. No energy is stored; the work of the dashpot with
+    the mean force of this step and the last is dissipated. Remembered: the force of the last step. The stable step is
+    2 m/(C c), for the dashpot acts with velocities half a step old; C contacts, c at the lightest pair of grains.
+
+    References
+    ----------
+    Schwager & Poeschel (2007).
     """
 
     restitution: float | None = None
@@ -54,38 +69,42 @@ class ViscousDamping(Effect):
     phase = "damping"
     dissipates = True
     equation = "F_n = max(0, F_el + c d'),  c = 2 zeta(e) sqrt(k m)"
-    units = {"restitution": "1", "rate": "s-1"}
+    units: ClassVar = {"restitution": "1", "rate": "s-1"}
     history = (HistoryValue("damping_force", "N", "damping force of the last step, for its work"),)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         given = (self.restitution is not None) + (self.rate is not None)
         self.by_restitution = self.restitution is not None
         require(given == 1, self, "restitution, rate", (self.restitution, self.rate), "given one and only one")
         if self.by_restitution:
             e = self.restitution
-            require(np.isfinite(e) and 0.01 <= e <= 1.0, self, "restitution", e, "between 0.01 and 1")
+            require(finite(e) and 0.01 <= e <= 1.0, self, "restitution", e, "between 0.01 and 1")
         else:
-            require(np.isfinite(self.rate) and self.rate >= 0.0, self, "rate", self.rate, ">= 0 s-1")
+            require(finite(self.rate) and self.rate >= 0.0, self, "rate", self.rate, ">= 0 s-1")
 
     @property
-    def variant(self):
+    def variant(self) -> str:
+        """Which of the two parameters is given."""
         return "" if self.by_restitution else "rate"
 
-    def parameters(self):
+    def parameters(self) -> dict[str, float]:
+        """Values that kernels read: c: 2 zeta [1] by restitution, gamma [s-1] by rate."""
         return {"c": 2.0 * damping_ratio_of(self.restitution) if self.by_restitution else self.rate}
 
-    def check(self, scene):
+    def check(self, scene: SceneFacts) -> None:
+        """Refuse damping without an effect that repels."""
         elastic = any(e.phase == "normal" for e in scene.effects)
-        require(elastic, self, "restitution, rate", (self.restitution, self.rate), "listed beside a normal law")
+        require(elastic, self, "restitution, rate", (self.restitution, self.rate), "listed beside an elastic effect")
 
-    def stable_dt(self, bodies):
-        """Explicit damping with velocities half a step old: dt <= 2 m/(C c), c at the lightest pair of grains."""
+    def stable_dt(self, bodies: Bodies) -> float:
+        """2 m/(C c) [s], c at the lightest pair of grains."""
         m = 0.5 * bodies.least_mass
         c = self.parameters()["c"] * (np.sqrt(bodies.normal_stiffness * m) if self.by_restitution else m)
         return 2.0 * m / (bodies.coordination * c) if c > 0.0 else np.inf
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
+        """F_n += c d', no further than to F_n = 0; returns the work of the dashpot."""
         c = self.c_[0]
         if ti.static(self.by_restitution):
             c *= ti.sqrt(contact.stiffness * contact.mass)
@@ -101,5 +120,6 @@ class ViscousDamping(Effect):
         return dissipated
 
     @classmethod
-    def cases(cls):
+    def cases(cls) -> list["ViscousDamping"]:
+        """Instances that the contract tests try."""
         return [cls(restitution=0.3), cls(restitution=0.9), cls(restitution=0.01), cls(rate=40.0)]

@@ -42,7 +42,7 @@ def rotor(request, runtime):
 
 
 def load(rotor, rng, angular_velocity):
-    """Random orientations, vectors and angular velocities of size `angular_velocity`; returns (orientation, a, omega)."""
+    """Random (orientations, vectors a, angular velocities omega of size `angular_velocity`), put into the fields."""
     orientation = rng.standard_normal((COUNT, orientation_size(rotor.dim)))
     orientation /= np.linalg.norm(orientation, axis=1)[:, None]
     omega = rng.standard_normal((COUNT, rotation_size(rotor.dim)))

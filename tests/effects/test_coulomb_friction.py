@@ -15,7 +15,7 @@ K, MU, G = 1.0e8, 0.3, 10.0
 HARD = 1.0e12  # [N/m]: an impact is over before the discs have turned round each other
 
 
-@pytest.mark.parametrize("dim, rolling, when", [(2, 2 / 3, 1 / 3), (3, 5 / 7, 2 / 7)])
+@pytest.mark.parametrize(("dim", "rolling", "when"), [(2, 2 / 3, 1 / 3), (3, 5 / 7, 2 / 7)])
 def test_sliding_turns_into_rolling(runtime, dim, rolling, when):
     """A grain thrown along a floor, with the flat top of one glued giant: v ends at 2/3 v0 (disc), 5/7 v0 (sphere)."""
     giant, v0 = 2.0e6, 1.0
@@ -71,8 +71,8 @@ ANGLES = np.radians([10.0, 25.0, 40.0, 55.0, 70.0, 75.0, 80.0, 85.0])
 def oblique(runtime):
     """Pairs of equal discs that meet at angles from 10 to 85 degrees to the normal, with springs k_t = 10 k."""
     n = len(ANGLES)
-    turn = np.linspace(0, 5, n)  # each pair lies another way
-    normal = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    angle = np.linspace(0, 5, n)  # each pair lies in another direction
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     first = 5.0 * np.stack([np.arange(n), np.zeros(n)], axis=1)
     position = np.stack([first, first + normal], axis=1).reshape(-1, 2)
@@ -111,7 +111,7 @@ def test_oblique_impact_that_slides_all_the_way(oblique, e):
     assert (out_t - (v_t - j / mass))[slides] == pytest.approx(0, abs=5e-4)
     inertia = mass / 8
     assert (omega[:, 0] + 0.5 * j / inertia)[slides] == pytest.approx(0, abs=2e-3)
-    assert omega[:, 0] == pytest.approx(omega[:, 1], rel=1e-12)  # equal discs get equal spins
+    assert omega[:, 0] == pytest.approx(omega[:, 1], rel=1e-12)  # equal discs rotate alike
 
 
 def test_energy_of_oblique_impacts_closes(oblique):
@@ -136,13 +136,13 @@ class RollingPair:
     def __init__(self, effect):
         self.effect, self.contact_type = effect.bound(), contact_type(3)
         self.normal, self.slip, self.omega, self.force = (ti.Vector.field(3, ti.f64, COUNT) for _ in range(4))
-        self.turn = ti.Vector.field(4, ti.f64, COUNT)
+        self.orientation = ti.Vector.field(4, ti.f64, COUNT)
 
     @ti.kernel
     def roll(self, steps: int, dt: ti.f64):
         for c in range(COUNT):
             memory = ti.Vector([0.0, 0.0, 0.0], ti.f64)
-            turn = ti.Vector([1.0, 0.0, 0.0, 0.0], ti.f64)
+            orientation = ti.Vector([1.0, 0.0, 0.0, 0.0], ti.f64)
             for step in range(steps + 1):
                 contact = self.contact_type(0)
                 contact.touching, contact.normal_force, contact.dt = 1, 1.0e9, dt
@@ -150,12 +150,12 @@ class RollingPair:
                 if step == 0:
                     contact.slip = self.slip[c] / dt
                 else:
-                    turn = advanced_orientation(turn, self.omega[c], dt)
-                    contact.normal_angular_velocity = self.omega[c].dot(rotate(turn, self.normal[c]))
-                contact.normal = rotate(turn, self.normal[c])
+                    orientation = advanced_orientation(orientation, self.omega[c], dt)
+                    contact.normal_angular_velocity = self.omega[c].dot(rotate(orientation, self.normal[c]))
+                contact.normal = rotate(orientation, self.normal[c])
                 self.effect.on_contact(contact, memory)
                 self.force[c] = contact.tangential_force
-            self.turn[c] = turn
+            self.orientation[c] = orientation
 
 
 def test_spring_in_3d_turns_with_its_contact(runtime):
@@ -172,7 +172,7 @@ def test_spring_in_3d_turns_with_its_contact(runtime):
     errors = []
     for steps in (500, 4000):
         pair.roll(steps, 1.0 / steps)
-        w, v = np.split(pair.turn.to_numpy(), [1], axis=1)
+        w, v = np.split(pair.orientation.to_numpy(), [1], axis=1)
         first = -K * slip
         expected = first + 2 * np.cross(v, np.cross(v, first) + w * first)
         off = np.linalg.norm(pair.force.to_numpy() - expected, axis=1) / np.linalg.norm(first, axis=1)
@@ -204,7 +204,7 @@ def test_dynamic_limit_holds_from_the_static_one_until_the_contact_sticks(runtim
     assert bench.highest.to_numpy() == pytest.approx(mu_s, abs=1e-3 * mu_s)
 
 
-def test_equal_coefficients_are_the_plain_law(runtime):
+def test_equal_coefficients_are_plain_friction(runtime):
     outcome = []
     for effect in (lsm.CoulombFriction(MU, 1e3, MU), lsm.CoulombFriction(MU, 1e3)):
         bench = Sliders(effect, 50, dim=3)

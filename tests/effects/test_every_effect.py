@@ -1,21 +1,23 @@
-"""The contract of a force law, held against every law that `find_effects` discovers, plugins included."""
+"""The contract of an effect, checked on every effect that `find_effects` discovers, plugins included."""
 
 import dataclasses
 import functools
 import inspect
+import re
 
 import numpy as np
 import pytest
 
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import HistoryValue, contact_type, effect_name, find_effects
-from taichi_lsm.effects.base import ON_CONTACTS, PHASES
+from taichi_lsm.effects.base import ON_CONTACTS, OPTIONAL, PHASES
 from tests.helpers.scenes import PRECISION, tolerance
 
 pytestmark = pytest.mark.usefixtures("runtime")
 
 COUNT = 1000
-MOST_HISTORY = 16  # values that a law of these tests may remember
+MOST_HISTORY = 16  # numbers that an effect of these tests may remember
 NUMBERS = (
     "depth",
     "gap",
@@ -28,11 +30,11 @@ NUMBERS = (
     "stiffness",
 )
 VECTORS = ("normal", "slip", "tangential_force")
-TURNS = ("relative_angular_velocity", "contact_moment")  # one component in 2D
-LAWS = {name: cls for name, cls in find_effects().items()}
+AXIAL = ("relative_angular_velocity", "contact_moment")  # one component in 2D
+EFFECTS = find_effects()
 CASES = [
     (cls, i, dim)
-    for cls in LAWS.values()
+    for cls in EFFECTS.values()
     if cls.phase in ON_CONTACTS
     for i in range(len(cls.cases()))
     for dim in (2, 3)
@@ -47,13 +49,13 @@ def io_of(dim):
     """Fields that all benches of a dimension share: a process has room for about a thousand."""
     io = {name: ti.field(ti.f64, COUNT) for name in (*NUMBERS, "touching", "sliding", "lost", "energy")}
     io |= {name: ti.Vector.field(dim, ti.f64, COUNT) for name in VECTORS}
-    io |= {name: ti.Vector.field(turn_count(dim), ti.f64, COUNT) for name in TURNS}
+    io |= {name: ti.Vector.field(axial_size(dim), ti.f64, COUNT) for name in AXIAL}
     return io | {"history": ti.Vector.field(MOST_HISTORY, ti.f64, COUNT)}
 
 
 @ti.data_oriented
 class Bench:
-    """Calls the hooks of one law for COUNT contacts in one launch; what it reads and writes is in `io`."""
+    """Calls the hooks of one effect for COUNT contacts in one launch; what it reads and writes is in `io`."""
 
     def __init__(self, effect, dim):
         self.effect, self.dim = effect.bound(), dim
@@ -96,7 +98,7 @@ class Bench:
 
     @ti.func
     def give_optional(self, contact: ti.template(), c):
-        """What only some laws want."""
+        """Inputs that only some effects need."""
         if ti.static("reduced_radius" in self.effect.needs):
             contact.reduced_radius = self.reduced_radius[c]
         if ti.static("relative_angular_velocity" in self.effect.needs):
@@ -122,10 +124,10 @@ class Bench:
         return self.energy.to_numpy()
 
     def load(self, history, inputs):
-        for name in NUMBERS + VECTORS + TURNS + ("touching",):
+        for name in NUMBERS + VECTORS + AXIAL + ("touching",):
             value = np.asarray(inputs.get(name, 0.0), float)
             shape = (COUNT, self.dim) if name in VECTORS else (COUNT,)
-            shape = (COUNT, turn_count(self.dim)) if name in TURNS else shape
+            shape = (COUNT, axial_size(self.dim)) if name in AXIAL else shape
             self.io[name].from_numpy(np.broadcast_to(value, shape).copy())
         held = np.zeros((COUNT, MOST_HISTORY))
         if history is not None:
@@ -133,7 +135,7 @@ class Bench:
         self.io["history"].from_numpy(held)
 
     def __call__(self, history=None, **inputs):
-        """Outputs of one step as {name: array}; normal forces are what the law added."""
+        """Outputs of one step as {name: array}; normal forces are what the effect added."""
         self.load(history, inputs)
         self.launch()
         names = ("normal_force", "tangential_force", "contact_moment", "lost", "energy", "history", "sliding")
@@ -143,8 +145,8 @@ class Bench:
         return out
 
 
-def turn_count(dim):
-    """Components of a spin or a couple."""
+def axial_size(dim):
+    """Components of an angular velocity or a contact moment."""
     return 1 if dim == 2 else 3
 
 
@@ -159,7 +161,7 @@ def bench_of(cls, i, dim):
 
 
 def random_contacts(rng, dim, touching=1):
-    """Inputs of COUNT contacts in random directions, with the force of an elastic law already there."""
+    """Inputs of COUNT contacts in random directions, with the force of an elastic effect already there."""
     normal = rng.standard_normal((COUNT, dim))
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     slip = rng.standard_normal((COUNT, dim)) * 0.05
@@ -172,7 +174,7 @@ def random_contacts(rng, dim, touching=1):
         "approach": rng.standard_normal(COUNT),
         "gap": 0.0 if touching else 100.0 * DEPTH,
         "normal_angular_velocity": rng.standard_normal(COUNT) if dim == 3 else 0.0,
-        "relative_angular_velocity": rng.standard_normal((COUNT, turn_count(dim))),
+        "relative_angular_velocity": rng.standard_normal((COUNT, axial_size(dim))),
         "reduced_radius": rng.uniform(0.1, 1.0, COUNT),
         "mass": 10 ** rng.uniform(-1, 1, COUNT),
         "dt": DT,
@@ -216,12 +218,12 @@ def check_a_parted_contact_is_cleared(bench, rng, dim):
     if bench.size:
         assert np.all(out["history"] == 0.0)
     assert np.all(np.isfinite(out["lost"]))
-    if bench.has_energy and bench.size:  # without motion, what is booked is what was held
+    if bench.has_energy and bench.size:  # without motion, what is dissipated is what was held
         still = {"slip": 0.0, "approach": 0.0, "normal_angular_velocity": 0.0, "relative_angular_velocity": 0.0}
         stored = bench.stored(held, **gone)
         assert np.all(stored > 0)
-        booked = bench(history=held, **gone | still)["lost"]
-        assert booked == pytest.approx(stored, rel=tolerance(1e-9))
+        lost = bench(history=held, **gone | still)["lost"]
+        assert lost == pytest.approx(stored, rel=tolerance(1e-9))
 
 
 def smooth(rng, steps, harmonics=4):
@@ -233,7 +235,7 @@ def smooth(rng, steps, harmonics=4):
 
 
 def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
-    """From the first touch to the parting of smooth random contacts: every step books just the work it takes."""
+    """From the first touch to the parting of smooth random contacts: every step dissipates just the work it takes."""
     steps = 200
     base = random_contacts(rng, dim) | {"normal_angular_velocity": 0.0}
     depth = DEPTH * (1.0 + 0.15 * smooth(rng, steps)) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None]
@@ -245,7 +247,7 @@ def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
     slip = np.einsum("tsc,scd->tcd", np.stack([smooth(rng, steps), smooth(rng, steps)], axis=1), tangent)
     slip *= 16 * DEPTH / (steps * DT) * np.sin(np.pi * np.linspace(0, 1, steps))[:, None, None]
     history, before = None, np.zeros(COUNT)
-    force_n, force_t, contact_moment = np.zeros(COUNT), np.zeros((COUNT, dim)), np.zeros((COUNT, turn_count(dim)))
+    force_n, force_t, contact_moment = np.zeros(COUNT), np.zeros((COUNT, dim)), np.zeros((COUNT, axial_size(dim)))
     angular_velocity = slip if dim == 3 else np.cross(np.broadcast_to(base["normal"], slip.shape), slip)[..., None]
     spent, work_size = np.zeros(COUNT), np.zeros(COUNT)
     for t in range(steps):
@@ -267,7 +269,7 @@ def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
     assert np.all(spent >= -tolerance(1e-12, 1e-4) * work_size)
     if not dissipates:
         assert np.all(spent == 0.0)
-    elif work_size.max() > 1e-6 * SPRING * DEPTH**2:  # not a law that its case turns off
+    elif work_size.max() > 1e-6 * SPRING * DEPTH**2:  # not an effect that its case turns off
         assert (spent > 0.01 * work_size).mean() > 0.9
 
 
@@ -282,9 +284,9 @@ def check_reaction_is_opposite(bench, inputs):
         assert np.array_equal(first[name], -second[name]), name
 
 
-def check_force_turns_with_the_frame(bench, inputs, turn):
-    vectors = ("normal", "slip", "relative_angular_velocity") if turn.shape[1] == 3 else ("normal", "slip")
-    rotated = inputs | {n: np.einsum("cij,cj->ci", turn, inputs[n]) for n in vectors}
+def check_force_turns_with_the_frame(bench, inputs, rotation):
+    vectors = ("normal", "slip", "relative_angular_velocity") if rotation.shape[1] == 3 else ("normal", "slip")
+    rotated = inputs | {n: np.einsum("cij,cj->ci", rotation, inputs[n]) for n in vectors}
     first, second = two_steps(bench, inputs), two_steps(bench, rotated)
     for name in ("normal_force", "lost", "energy"):
         scale = np.abs(first[name]).max()
@@ -292,7 +294,7 @@ def check_force_turns_with_the_frame(bench, inputs, turn):
             name
         )
     for name in ("tangential_force", "contact_moment"):
-        expected = first[name] if first[name].shape[1] == 1 else np.einsum("cij,cj->ci", turn, first[name])
+        expected = first[name] if first[name].shape[1] == 1 else np.einsum("cij,cj->ci", rotation, first[name])
         rounding = tolerance(1e-12, 1e-5) * np.abs(expected).max()
         assert second[name] == pytest.approx(expected, rel=tolerance(1e-10), abs=rounding), name
 
@@ -312,7 +314,7 @@ def check_nothing_is_finite(bench, inputs):
 
 
 def check_contract(cls, i, dim):
-    """All of the above for one case of a law."""
+    """All of the above for one case of an effect."""
     bench, effect = bench_of(cls, i, dim), cls.cases()[i]
     rng = np.random.default_rng(i)
     inputs = random_contacts(rng, dim)
@@ -326,14 +328,14 @@ def check_contract(cls, i, dim):
         check_closed_histories_create_no_energy(bench, rng, dim, effect.dissipates)
 
 
-@pytest.mark.parametrize("cls, i, dim", CASES, ids=IDS)
+@pytest.mark.parametrize(("cls", "i", "dim"), CASES, ids=IDS)
 def test_contract(cls, i, dim):
     check_contract(cls, i, dim)
 
 
 def check_description(name, cls):
     """What `lsm list --effects` and the documentation need to know."""
-    assert cls.phase in PHASES
+    assert cls.phase in PHASES and set(cls.needs) <= set(OPTIONAL)
     assert len(inspect.getdoc(cls)) > 60 and "=" in cls.equation
     assert len(cls.cases()) >= 1 and all(isinstance(case, cls) for case in cls.cases())
     assert set(cls.units) == {field.name for field in dataclasses.fields(cls)} and all(cls.units.values())
@@ -345,14 +347,34 @@ def check_description(name, cls):
             assert value.units and len(value.long_name) > 10
 
 
-@pytest.mark.parametrize("name", LAWS)
-def test_law_describes_itself(name):
-    check_description(name, LAWS[name])
+@pytest.mark.parametrize("name", EFFECTS)
+def test_effect_describes_itself(name):
+    check_description(name, EFFECTS[name])
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_printed_effect_is_the_call_that_makes_it(name):
+    """Its parameters and nothing else, also of the copy whose parameters live in Taichi fields."""
+    for case in EFFECTS[name].cases():
+        assert repr(case) == repr(case.bound())
+        assert eval(repr(case), {type(case).__name__: type(case), "inf": np.inf}) == case
+        assert {word.split("=")[0] for word in re.findall(r"\w+=", repr(case))} == set(case.units)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_parameters_that_are_no_numbers_are_refused(name):
+    """Text, nothing and lists where a number belongs: an InputError that names the effect, never a traceback."""
+    cls = EFFECTS[name]
+    good = {field.name: getattr(cls.cases()[0], field.name) for field in dataclasses.fields(cls)}
+    for field in dataclasses.fields(cls):
+        for wrong in ("fast", [1.0], np.nan):
+            with pytest.raises(InputError, match=rf"{cls.__name__}\."):
+                cls(**good | {field.name: wrong})
 
 
 @ti.data_oriented
 class BodyBench:
-    """Calls `on_grain` and `grain_energy` of one body law at COUNT places."""
+    """Calls `on_grain` and `grain_energy` of one body force at COUNT places."""
 
     def __init__(self, effect, dim):
         self.effect, self.dim = effect.bound(), dim
@@ -368,10 +390,10 @@ class BodyBench:
             self.energy[c] = self.effect.grain_energy(self.inverse_mass[c], self.position[c])
 
 
-@pytest.mark.parametrize("name", [n for n, cls in LAWS.items() if cls.phase == "body"])
+@pytest.mark.parametrize("name", [n for n, cls in EFFECTS.items() if cls.phase == "body"])
 def test_body_force_is_minus_the_slope_of_its_energy(name):
     rng = np.random.default_rng(0)
-    for effect in LAWS[name].cases():
+    for effect in EFFECTS[name].cases():
         dim = next(len(v) for v in effect.parameters().values() if np.size(v) in (2, 3))
         bench = BodyBench(effect, dim)
         position = rng.standard_normal((COUNT, dim))

@@ -98,7 +98,7 @@ def test_refusals():
     for arguments in ((0.0, NU), (-1.0, NU), (np.inf, NU), (E, 0.51), (E, -1.0), (E, np.nan)):
         with pytest.raises(lsm.InputError, match="Hertz"):
             lsm.Hertz(*arguments)
-    with pytest.raises(lsm.InputError, match="all laws of elasticity"):
+    with pytest.raises(lsm.InputError, match=r"of elasticity, one may be listed"):
         scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU), lsm.LinearElastic(1.0)])
-    with pytest.raises(lsm.InputError, match="hertz.*radius of curvature.*polyhedron"):
+    with pytest.raises(lsm.InputError, match=r"hertz.*radius of curvature.*polyhedron"):
         scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU)], shapes=[lsm.ball_of_faces(12, 0.1)])

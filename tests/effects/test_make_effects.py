@@ -1,4 +1,4 @@
-"""Laws from plain data, as a TOML file gives them."""
+"""Effects from plain data, as a TOML file gives them."""
 
 import pytest
 
@@ -6,7 +6,7 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 
 
-def test_laws_are_made_from_tables():
+def test_effects_are_made_from_tables():
     made = lsm.make_effects(
         [{"name": "gravity", "acceleration": [0.0, -9.81]}, {"name": "viscous_damping", "rate": 3.0}]
     )
@@ -18,6 +18,9 @@ def test_laws_are_made_from_tables():
     [
         ({"name": "gravitty"}, "effect 'gravitty': unknown, must be one of .*Did you mean gravity?"),
         ({"acceleration": [0.0, 1.0]}, "effect None: unknown"),
+        ({"name": ["gravity"]}, r"effect \['gravity'\]: unknown"),
+        ("gravity", "effect 'gravity': must be a table"),
+        ({"name": "gravity", "acceleration": "down"}, "Gravity.acceleration = 'down': must be 2 or 3 numbers"),
         ({"name": "cohesion", "pull_of_force": 1.0}, "cohesion.pull_of_force: unknown.*Did you mean pull_off_force?"),
         ({"name": "cohesion", "distance": 1.0}, "cohesion: pull_off_force must be given"),
         (
@@ -31,7 +34,7 @@ def test_mistakes_are_named(table, words):
         lsm.make_effects([table])
 
 
-def test_the_gouge_takes_laws_beside_its_own_and_in_place_of_them():
+def test_the_gouge_takes_effects_beside_its_own_and_in_place_of_them():
     usual = [type(effect).__name__ for effect in shear_gouge.effects_of(shear_gouge.Params())]
     assert usual == ["LinearElastic", "ViscousDamping", "CoulombFriction"]
     tables = [

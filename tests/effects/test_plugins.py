@@ -1,4 +1,4 @@
-"""A law in a file of its own, in the folder that LSM_PLUGINS names, is listed, held to the contract and runs."""
+"""An effect in a file of its own, in the folder that LSM_PLUGINS names, is listed, held to the contract and runs."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ import pytest
 
 import taichi_lsm as lsm
 from taichi_lsm.effects import find_effects
-from tests.effects.test_every_effect import LAWS, check_contract, check_description
+from tests.effects.test_every_effect import EFFECTS, check_contract, check_description
 from tests.helpers import scenes
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +26,7 @@ from taichi_lsm.core.runtime import ti
 @ti.data_oriented
 @dataclass
 class StiffeningSpring(Effect):
-    """F_n = a d^2, energy a d^3/3: a law that this package does not have."""
+    """F_n = a d^2, energy a d^3/3: which this package does not have."""
 
     factor: float
 
@@ -56,7 +56,7 @@ def plugin(folder, slope):
     (folder / "effects").mkdir(exist_ok=True)
     (folder / "effects" / "stiffening_spring.py").write_text(PLUGIN.replace("SLOPE", slope))
     found = find_effects()
-    assert list(found) == sorted(found) and set(LAWS) < set(found)
+    assert list(found) == sorted(found) and set(EFFECTS) < set(found)
     return found["stiffening_spring"]
 
 
@@ -77,7 +77,7 @@ def test_plugin_is_discovered_and_held_to_the_contract(tmp_path, monkeypatch):
     assert "stiffening_spring: F_n = a d^2" in listed and "factor [N m-2]" in listed
 
 
-def test_contract_finds_a_law_whose_energy_is_wrong(tmp_path, monkeypatch):
+def test_contract_finds_an_effect_whose_energy_is_wrong(tmp_path, monkeypatch):
     monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
     with pytest.raises(AssertionError):
         check_contract(plugin(tmp_path, "2.0"), 0, 2)
@@ -87,5 +87,5 @@ def test_plugin_that_cannot_be_read_is_named(tmp_path, monkeypatch):
     monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
     (tmp_path / "effects").mkdir()
     (tmp_path / "effects" / "broken.py").write_text("from taichi_lsm import nothing_of_the_kind\n")
-    with pytest.raises(ImportError, match="broken.py"):
+    with pytest.raises(lsm.InputError, match=r"plugin .*broken\.py: cannot be imported: cannot import name"):
         find_effects()

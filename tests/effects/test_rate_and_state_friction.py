@@ -20,7 +20,7 @@ def effect(evolution="ageing", stiffness=STIFF, b=B):
 
 @pytest.fixture(scope="module")
 def sliders(runtime):
-    """{evolution: sliders of this law}, in 2D and 3D."""
+    """{evolution: sliders of this friction}, in 2D and 3D."""
     return {
         "ageing": Sliders(effect("ageing"), COUNT, dim=2),
         "slip": Sliders(effect("slip"), COUNT, dim=3),
@@ -86,8 +86,8 @@ def test_healing_grows_by_b_per_logarithm_of_the_hold(sliders):
     bench.set(history=0.0)
     slide(bench, np.full(COUNT, V_0), 30 * D_C, 300)
     at = np.geomspace(1e-11, 1, 600)
-    for part in np.diff(at, prepend=0.0):
-        bench.set(load=0.0, dt=part * hold)
+    for share in np.diff(at, prepend=0.0):
+        bench.set(load=0.0, dt=share * hold)
         bench.slide(1)
     relaxed = bench.force.to_numpy()
     slide(bench, np.full(COUNT, V_0), 1e-2 * D_C, 20_000)
@@ -99,8 +99,8 @@ def test_healing_grows_by_b_per_logarithm_of_the_hold(sliders):
 
 @fine
 @pytest.mark.parametrize("evolution", ["ageing", "slip"])
-def test_every_step_solves_the_law_at_any_rate(sliders, evolution):
-    """Random springs, states, steps and velocities: rate and state after a step obey the law and its evolution."""
+def test_every_step_solves_the_friction_law_at_any_rate(sliders, evolution):
+    """Random springs, states, steps and velocities: rate and state after a step obey both equations."""
     bench, rng = sliders[evolution], np.random.default_rng(4)
     k_t, solved = 100.0, 0
     bench.effect.write_parameters(effect(evolution, k_t))

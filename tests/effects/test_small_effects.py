@@ -1,4 +1,4 @@
-"""Rolling resistance, cohesion and global damping against closed forms, and the compositions that are refused."""
+"""Rolling resistance, cohesion and global damping against closed forms, and the sets of effects that are refused."""
 
 import numpy as np
 import pytest
@@ -65,8 +65,8 @@ def test_cohesion_takes_the_energy_of_its_reach_to_part_grains(cohesive):
     mass = DENSITY * np.pi / 6
     escape = np.sqrt(2.0 * PULL_OFF * REACH / (0.5 * mass) / 2.0)  # m*/2 v^2 = f h/2
     dt = 2e-5
-    for part, parted in ((0.98, False), (1.02, True)):
-        velocity = 0.5 * part * escape * np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    for share, parted in ((0.98, False), (1.02, True)):
+        velocity = 0.5 * share * escape * np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
         scenes.reload(cohesive, dt, position=np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]), velocity=velocity)
         start, _ = scenes.energy(cohesive)
         gaps = []
@@ -88,7 +88,7 @@ def test_grains_at_rest_overlap_by_the_pull_off_force_over_the_stiffness(cohesiv
     assert cohesive.measure.sums()["contact_count"] == 1
 
 
-def test_global_damping_is_exponential_and_books_what_it_takes(runtime):
+def test_global_damping_is_exponential_and_dissipates_what_it_takes(runtime):
     rate, dt = 0.7, 1e-3
     velocity = np.random.default_rng(1).standard_normal((5, 3))
     position = 4.0 * np.arange(15.0).reshape(5, 3)
@@ -110,19 +110,19 @@ SPHERE = [(0.0, 0.0, 0.0)]
 @pytest.mark.parametrize(
     ("effects", "words"),
     [
-        ([lsm.ViscousDamping(restitution=0.5)], "must be listed beside a normal law"),
+        ([lsm.ViscousDamping(restitution=0.5)], "must be listed beside an elastic effect"),
         ([lsm.LinearElastic(K), lsm.Gravity((0.0, -G))], "must be 3 numbers"),
         ([lsm.LinearElastic(K), lsm.LinearElastic(K)], "may be listed once"),
     ],
 )
-def test_compositions_that_make_no_sense_are_refused(effects, words):
+def test_sets_of_effects_that_make_no_sense_are_refused(effects, words):
     with pytest.raises(lsm.InputError, match=words):
         scenes.scene(SPHERE, effects)
 
 
-def test_a_scene_has_one_law_of_each_role():
+def test_a_scene_has_one_effect_of_each_role():
     class OtherFriction(lsm.CoulombFriction):
         pass
 
-    with pytest.raises(lsm.InputError, match="are all laws of friction, one may be listed"):
+    with pytest.raises(lsm.InputError, match=r"'coulomb_friction', 'other_friction'.* of friction, one may be listed"):
         scenes.scene(SPHERE, [lsm.LinearElastic(K), lsm.CoulombFriction(0.5, K), OtherFriction(0.4, K)])

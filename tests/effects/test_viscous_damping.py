@@ -65,8 +65,8 @@ def test_impact_returns_the_requested_restitution(impacts, e):
     assert np.abs(restitution - e).max() < 0.3 * np.abs(rough - e).max()  # it converges to e
 
 
-def test_energy_lost_in_impacts_is_the_energy_booked(impacts):
-    """The booked work closes the budget step by step: the residual falls with dt, not only the restitution."""
+def test_energy_lost_in_impacts_is_the_energy_dissipated(impacts):
+    """The dissipated work closes the budget step by step: the residual falls with dt, not only the restitution."""
     sim, _, _, reduced, _ = impacts
     start = 0.5 * np.sum(reduced) * SPEED**2
     residual = []
