@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
+import taichi_lsm as lsm
 from taichi_lsm.core.schema import Variable
 from taichi_lsm.io.run_file import RunWriter
 from taichi_lsm.measure.statistics import Estimate, combine_replicas, difference, steady_ratio, steady_state
@@ -98,8 +99,36 @@ def test_series_of_a_run_file_is_accepted(tmp_path):
     ],
 )
 def test_useless_series_is_refused(series, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(lsm.InputError, match=message):
         steady_state(series)
+
+
+def test_a_plain_array_is_refused_for_it_has_no_strain():
+    with pytest.raises(lsm.InputError, match=r"series: ndarray, must be an xarray\.DataArray"):
+        steady_state(np.ones(100))
+
+
+@pytest.mark.parametrize("strain", [math.nan, math.inf])
+def test_strain_that_is_no_number_is_refused(strain):
+    with pytest.raises(lsm.InputError, match=r"from_strain: (nan|inf), must be a finite"):
+        steady_state(along_strain(np.ones(100)), strain)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "text"),
+    [
+        (Estimate(0.31234, 0.0040, 57.3), "0.312 +- 0.004 (57 effective samples)"),
+        (Estimate(0.31234, 0.0042, 8.0), "0.3123 +- 0.0042 (8 effective samples)"),
+        (Estimate(0.3, 0.0996, 3.0), "0.3 +- 0.1 (3 effective samples)"),
+        (Estimate(12.34, 5.0, 2.0), "12 +- 5 (2 effective samples)"),
+        (Estimate(0.5, 0.0, 160.0), "0.5 +- 0 (160 effective samples)"),
+        (Estimate(-0.15, 0.05), "-0.15 +- 0.05"),
+        (Estimate(1.5e-8, 2e-9), "1.5e-08 +- 2e-09"),
+        (Estimate(math.nan, math.nan), "nan +- nan"),
+    ],
+)
+def test_printed_estimate_shows_the_digits_that_its_error_leaves(estimate, text):
+    assert repr(estimate) == str(estimate) == text
 
 
 def test_nan_before_the_steady_state_does_no_harm():
@@ -111,9 +140,9 @@ def test_nan_before_the_steady_state_does_no_harm():
 
 def test_ratio_refuses_other_times_and_a_vanishing_denominator():
     one = along_strain(np.ones(100))
-    with pytest.raises(ValueError, match="not on the same times"):
+    with pytest.raises(lsm.InputError, match="not on the same times"):
         steady_ratio(one, one.assign_coords(time=one.time + 1))
-    with pytest.raises(ValueError, match="the mean is 0"):
+    with pytest.raises(lsm.InputError, match="the mean is 0"):
         steady_ratio(one, along_strain(np.zeros(100), "normal_stress"))
 
 
@@ -126,9 +155,11 @@ def test_replicas_are_the_unit():
     assert combine_replicas([0.3], [0.01]) == Estimate(0.3, 0.01, 1.0)
 
 
-@pytest.mark.parametrize("arguments", [([], []), ([0.3],), ([0.3, 0.4], [0.1]), ([0.3, np.nan], [0.1, 0.1])])
+@pytest.mark.parametrize(
+    "arguments", [([], []), ([0.3],), ([0.3, 0.4], [0.1]), ([0.3, np.nan], [0.1, 0.1]), (["a"], [0.1])]
+)
 def test_incomplete_replicas_are_refused(arguments):
-    with pytest.raises(ValueError, match="means|standard_errors"):
+    with pytest.raises(lsm.InputError, match=r"means|standard_errors"):
         combine_replicas(*arguments)
 
 
