@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .errors import InputError
+
 if TYPE_CHECKING:
     import netCDF4
 
@@ -19,6 +21,11 @@ def write_atomically(path: str | os.PathLike[str], fill: "Callable[[netCDF4.Data
     fill
         Called with an open, empty dataset. If it raises, `path` is unchanged and nothing is left behind.
 
+    Raises
+    ------
+    InputError
+        If there is no folder to write to.
+
     Notes
     -----
     Not reentrant: a signal handler must set a flag, not write.
@@ -26,6 +33,8 @@ def write_atomically(path: str | os.PathLike[str], fill: "Callable[[netCDF4.Data
     import netCDF4  # not at the top: a program that writes no file does not wait for it
 
     path = Path(path)
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written, there is no folder {path.parent}; make it first")
     # One fixed name: what a killed process leaves is overwritten by the next write instead of piling up.
     temporary = path.with_name(f".{path.name}.part")
     try:

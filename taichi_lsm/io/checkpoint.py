@@ -1,13 +1,18 @@
 """Exact save and restore of a simulation: every row that the schema marks `restart`, bit for bit.
 
-The file is plain NetCDF. A simulation is restored into one that was made from the same scene, in the same precision;
-the steps that follow give the same bits as if the run had not been interrupted.
+The file is plain NetCDF, one group per table. A simulation is restored into one that was made from the same scene, in
+the same precision; the steps that follow give the same bits as if the run had not been interrupted.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import netCDF4
 import numpy as np
+import numpy.typing as npt
 
 from ..boundaries.periodic_cell import SHEAR_ROWS
 from ..boundaries.plane_walls import WALL_ROWS
@@ -17,8 +22,13 @@ from ..core.errors import InputError
 from ..core.fields import rounded_capacity
 from ..core.schema import Variable
 
+if TYPE_CHECKING:
+    from ..simulation import Simulation
+
 FORMAT = 2
 COUNTERS = ("step", "rebuilds")
+NUMBERS = (*COUNTERS, "searches", "dt", "pair_capacity")  # attributes of the file beside those of `_identity`
+EXPECTED = "must be a whole file that save_checkpoint wrote"
 LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
 PLATEN_ROWS = tuple(
     Variable(name, ("platen", width), "f64", units, long_name, True)
@@ -39,10 +49,24 @@ DRIVE_ROW = Variable(
 SPRING_ROW = Variable("stretch", ("platen", "space"), "f64", "m", "stretch of the springs of load points", True)
 
 
-def save_checkpoint(sim, path):
-    """Write the state of `sim` to the NetCDF file `path`, which appears whole or not at all."""
+@dataclass(frozen=True)
+class _Saved:
+    """Contents of a checkpoint: attributes of the file and {group: {row: values of the rows in use}}."""
 
-    def fill(file):
+    attributes: dict[str, Any]
+    tables: dict[str, dict[str, npt.NDArray]]
+
+
+def save_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
+    """Write the state of `sim` to the NetCDF file `path`, which appears whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If there is no folder to write to.
+    """
+
+    def fill(file: netCDF4.Dataset) -> None:
         file.setncatts(_identity(sim))
         for name in COUNTERS:
             file.setncattr(name, np.int64(getattr(sim, name)))
@@ -55,29 +79,33 @@ def save_checkpoint(sim, path):
     write_atomically(path, fill)
 
 
-def restore_checkpoint(sim, path):
+def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
     """Put `sim`, made from the same scene, into the state saved at `path`.
 
-    Raises InputError if the file is missing or broken, or belongs to a simulation of another scene.
+    Raises
+    ------
+    InputError
+        If the file is missing, truncated, damaged or no checkpoint, or belongs to a simulation of another scene. The
+        simulation is then as it was.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"checkpoint {path}: no such file")
-    try:
-        with netCDF4.Dataset(path) as file:
-            file.set_auto_mask(False)
-            _require_same(sim, path, file)
-            if file.pair_capacity > sim.pairs.capacity:
-                capacity = int(file.pair_capacity)
-                sim.compose(grown(sim.pairs, capacity))
-            for group, rows, owner, _ in _tables(sim):
-                _read(file[group], rows, owner, path)
-            for name in COUNTERS:
-                setattr(sim, name, int(file.getncattr(name)))
-            sim.search.searches = int(file.searches)
-            sim.set_time_step(float(file.dt))
-    except (OSError, IndexError, AttributeError, KeyError) as error:
-        raise InputError(f"checkpoint {path}: not a whole checkpoint ({error})") from None
+    saved = _read(sim, Path(path))
+    capacity = int(saved.attributes["pair_capacity"])
+    if capacity > sim.pairs.capacity:
+        sim.compose(grown(sim.pairs, capacity))
+    for group, rows, owner, _ in _tables(sim):
+        _fill(saved.tables[group], rows, owner, path)
+    for name in COUNTERS:
+        setattr(sim, name, int(saved.attributes[name]))
+    sim.search.searches = int(saved.attributes["searches"])
+    sim.set_time_step(float(saved.attributes["dt"]))
+    _resume(sim)
+
+
+def _resume(sim: Any) -> None:
+    """What a simulation derives from its state, after the state was replaced.
+
+    `sim` is not typed here: fields are attributes that are made from schema rows.
+    """
     sim.clear_flags()
     sim.monitor.begin()
     if sim.walls:
@@ -89,7 +117,7 @@ def restore_checkpoint(sim, path):
     sim.neighbours.transpose_only()
 
 
-def _tables(sim):
+def _tables(sim: "Simulation") -> list[tuple[str, Sequence[Variable], Any, int]]:
     """(group, schema rows, object that holds the fields, rows in use) of everything that is saved."""
     count = len(sim.grains)
     pairs = int(sim.pairs.row_start.to_numpy()[count])
@@ -111,7 +139,7 @@ def _tables(sim):
     return tables
 
 
-def _identity(sim):
+def _identity(sim: "Simulation") -> dict[str, Any]:
     """What two simulations must share, as attributes of the file."""
     scene = sim.scene
     return {
@@ -130,16 +158,16 @@ def _identity(sim):
     }
 
 
-def _require_same(sim, path, file):
+def _require_same(sim: "Simulation", path: Path, file: netCDF4.Dataset) -> None:
     for name, mine in _identity(sim).items():
         if name not in file.ncattrs():
-            raise InputError(f"checkpoint {path}: not a checkpoint, {name} is missing")
+            raise InputError(f"checkpoint {path}: {name} missing, {EXPECTED}")
         theirs = file.getncattr(name)
         if theirs != mine:
             raise InputError(f"checkpoint {path}: {name} is {theirs}, but the scene has {mine}")
 
 
-def _write(group, rows, owner, count):
+def _write(group: netCDF4.Group, rows: Sequence[Variable], owner: Any, count: int) -> None:
     """One variable per restart row, the rows in use."""
     group.createDimension("row", count)
     for row in rows:
@@ -155,11 +183,33 @@ def _write(group, rows, owner, count):
         variable[:] = values
 
 
-def _read(group, rows, owner, path):
+def _read(sim: "Simulation", path: Path) -> _Saved:
+    """The whole file, before anything of the simulation is changed; InputError if it does not fit."""
+    if not path.is_file():
+        raise InputError(f"checkpoint {path}: no such file, {EXPECTED}")
+    try:
+        with netCDF4.Dataset(path) as file:
+            file.set_auto_mask(False)
+            _require_same(sim, path, file)
+            lacking = [name for name in NUMBERS if name not in file.ncattrs()]
+            if lacking:
+                raise InputError(f"checkpoint {path}: {', '.join(lacking)} missing, {EXPECTED}")
+            attributes = {name: file.getncattr(name) for name in NUMBERS}
+            tables = {
+                group: {row.name: file[group][row.name][:] for row in rows if row.restart}
+                for group, rows, _, _ in _tables(sim)
+            }
+    except (OSError, RuntimeError, IndexError, AttributeError, KeyError) as error:
+        raise InputError(f"checkpoint {path}: cannot be read ({error}), {EXPECTED}") from None
+    return _Saved(attributes, tables)
+
+
+def _fill(table: dict[str, npt.NDArray], rows: Sequence[Variable], owner: Any, path: str | PathLike[str]) -> None:
+    """Put the saved values into the first rows of the fields."""
     for row in rows:
         if row.restart:
             field = getattr(owner, row.name)
-            raw, values = field.to_numpy(), group[row.name][:]
+            raw, values = field.to_numpy(), table[row.name]
             if values.shape[1:] != raw.shape[1:] or len(values) > rounded_capacity(len(raw)):
                 raise InputError(f"checkpoint {path}: {row.name} has shape {values.shape}, must fit {raw.shape}")
             raw[: len(values)] = values

@@ -1,10 +1,15 @@
 """Snapshots of all grains (grains.nc): constants per grain, the shared shape table, and states in time."""
 
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..core.atomic_netcdf import write_atomically
+from ..core.errors import InputError
 from ..core.schema import Variable
 from .netcdf_variables import (
     checked_array,
@@ -17,6 +22,9 @@ from .netcdf_variables import (
     rows_by_name,
 )
 from .run_file import RUN_STATUS, require_status, set_global_attributes
+
+if TYPE_CHECKING:
+    import netCDF4
 
 COMMENT = (
     "Shapes are shared between grains. The patches of shape s are the patch_count[s] consecutive entries of "
@@ -31,7 +39,7 @@ KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
 STATIC_DIMS = ("grain", "space", "quaternion", "shape", "patch")
 
 
-def static_rows(dim, bonded=False):
+def static_rows(dim: int, bonded: bool = False) -> list[Variable]:
     """Schema rows of what does not change: per grain, per patch of the shape table, per bond. dim: 2 or 3."""
     inertia = ("grain",) if dim == 2 else ("grain", "space")
     return [
@@ -52,9 +60,11 @@ def static_rows(dim, bonded=False):
     ] * bonded
 
 
-def snapshot_rows(dim, rotates=True, oriented=True, bonded=False):
-    """Schema rows of a snapshot; without `rotates` no angular velocity, without `oriented` no orientation, without
-    `bonded` no bonds."""
+def snapshot_rows(dim: int, rotates: bool = True, oriented: bool = True, bonded: bool = False) -> list[Variable]:
+    """Schema rows of a snapshot in 2 or 3 dimensions.
+
+    Without `rotates` there is no angular velocity, without `oriented` no orientation, without `bonded` no bonds.
+    """
     angular_velocity = ("time", "grain") if dim == 2 else ("time", "grain", "space")
     rows = [
         Variable("position", ("time", "grain", "space"), "f64", "m", "centre of mass"),
@@ -80,25 +90,43 @@ def snapshot_rows(dim, rotates=True, oriented=True, bonded=False):
 class GrainsWriter:
     """Snapshots of all grains; the whole file is rewritten at every `append`, so keep snapshots few.
 
-    path: the file, written at once with run_status "running". static: dict of name -> array for the rows
-    static_variables, which give the dimensions grain, space, shape and patch their lengths; `patch_count`
-    (shape,) adds up to that of patch. variables: schema rows of a snapshot; dims without time get it first.
-    coordinates: labels of further dimensions; space and quaternion have their own. precision: f64 or f32, how
-    rows of dtype "real" are stored. extra_attributes: dict of name -> attributes; `kind` has its flags.
-    Raises ValueError naming the row if a name, a shape or a type does not fit.
+    Parameters
+    ----------
+    path
+        The file, written at once with run_status "running".
+    static
+        {name: array} for the rows static_variables, which give the dimensions grain, space, shape and patch their
+        lengths; `patch_count` (shape,) adds up to that of patch.
+    static_variables
+        Schema rows of what does not change.
+    variables
+        Schema rows of a snapshot; rows without time get it as their first dimension.
+    attributes
+        Global attributes, see `file_attributes`.
+    coordinates
+        Labels of further dimensions; space and quaternion have their own.
+    extra_attributes
+        {name: attributes}; `kind` has its flags.
+    precision
+        "f64" or "f32": how rows of dtype "real" are stored.
+
+    Raises
+    ------
+    InputError
+        Names the row if a name, a shape or a type does not fit.
     """
 
     def __init__(
         self,
-        path,
-        static,
-        static_variables,
-        variables,
-        attributes,
-        coordinates=None,
-        extra_attributes=None,
-        precision="f64",
-    ):
+        path: str | PathLike[str],
+        static: Mapping[str, npt.ArrayLike],
+        static_variables: Iterable[Variable],
+        variables: Iterable[Variable],
+        attributes: Mapping[str, Any],
+        coordinates: Mapping[str, Sequence[str]] | None = None,
+        extra_attributes: Mapping[str, Mapping[str, Any]] | None = None,
+        precision: str = "f64",
+    ) -> None:
         self.path = Path(path)
         self.precision = precision
         self.run_status = "running"
@@ -127,59 +155,68 @@ class GrainsWriter:
         self._write()
 
     @staticmethod
-    def _in_time(variable):
+    def _in_time(variable: Variable) -> Variable:
         if variable.dims[:1] == ("time",):
             return variable
         dims = ("time", *variable.dims)
         return Variable(variable.name, dims, variable.dtype, variable.units, variable.long_name)
 
-    def _sizes_of(self, static, labels):
+    def _sizes_of(self, static: Mapping[str, npt.ArrayLike], labels: Mapping[str, Sequence[str]]) -> dict[str, int]:
+        """Lengths of all dimensions: of the labelled ones, then as the constants have them."""
         sizes = {"quaternion": 4, **{name: len(texts) for name, texts in labels.items()}}
         for name, variable in self.static_variables.items():
             shape = np.shape(static[name])
             if len(shape) != len(variable.dims):
-                raise ValueError(f"{name}: shape {shape}, allowed are the dimensions {variable.dims}")
+                raise InputError(f"{name}: shape {shape}, allowed are the dimensions {variable.dims}")
             for dimension, size in zip(variable.dims, shape, strict=True):
                 sizes.setdefault(dimension, size)
         used = {d for v in self.variables.values() for d in v.dims[1:]} | {"grain", "space"}
         unknown = sorted(used - set(sizes))
         if unknown:
-            raise ValueError(f"dimension {', '.join(unknown)}: no constant and no labels give its length")
+            raise InputError(f"dimension {', '.join(unknown)}: no constant and no labels give its length")
         if sizes["space"] not in (2, 3):
-            raise ValueError(f"dimension space: length {sizes['space']}, allowed are 2 and 3")
+            raise InputError(f"dimension space: length {sizes['space']}, allowed are 2 and 3")
         return sizes
 
-    def _shape(self, dims):
+    def _shape(self, dims: Iterable[str]) -> tuple[int, ...]:
         return tuple(self.sizes[d] for d in dims)
 
-    def _check_ragged(self):
+    def _check_ragged(self) -> None:
+        """Refuse counts of patches that do not add up to the patches, and shapes that do not exist."""
         if "patch" not in self.sizes:
             return
         if "patch_count" not in self.static:
-            raise ValueError("patch_count: missing; needed to tell the patches of one shape from the next")
+            raise InputError("patch_count: missing; needed to tell the patches of one shape from the next")
         total = int(self.static["patch_count"].sum())
         if total != self.sizes["patch"] or self.static["patch_count"].min() < 1:
-            raise ValueError(
+            raise InputError(
                 f"patch_count: adds up to {total}, must be positive and add up to the "
                 f"{self.sizes['patch']} patches given"
             )
         index = self.static.get("shape_index")
         if index is not None and (index.min() < 0 or index.max() >= self.sizes["shape"]):
             last = self.sizes["shape"] - 1
-            raise ValueError(f"shape_index: {index.min()}..{index.max()}, allowed are 0..{last}")
+            raise InputError(f"shape_index: {index.min()}..{index.max()}, allowed are 0..{last}")
 
     @property
-    def last_time(self):
+    def last_time(self) -> float:
         """Time of the last snapshot [s], -inf before the first."""
         return self._times[-1] if self._times else -np.inf
 
-    def append(self, time, arrays):
-        """Add one snapshot at `time` [s] and write the file. arrays: dict of name -> array without time."""
+    def append(self, time: float, arrays: Mapping[str, npt.ArrayLike]) -> None:
+        """Add one snapshot at `time` [s] and write the file; arrays: {name: array without the dimension time}.
+
+        Raises
+        ------
+        InputError
+            And keeps nothing of the snapshot, if a name, a shape or a type does not fit, time does not increase, or the
+            writer is closed.
+        """
         if self.run_status != "running":
-            raise ValueError(f"{self.path.name} is closed ({self.run_status}); no snapshot can be appended")
+            raise InputError(f"{self.path.name} is closed ({self.run_status}); no snapshot can be appended")
         require_names(arrays, self.variables, f"snapshot of {self.path.name}")
         if not (np.isfinite(time) and time > self.last_time):
-            raise ValueError(f"time: {time} s, must be finite and above the last snapshot's {self.last_time} s")
+            raise InputError(f"time: {time} s, must be finite and above the last snapshot's {self.last_time} s")
         checked = {
             name: checked_array(v, arrays[name], self._shape(v.dims[1:]), self.precision)
             for name, v in self.variables.items()
@@ -189,17 +226,18 @@ class GrainsWriter:
             self._snapshots[name].append(array)
         self._write()
 
-    def close(self, run_status):
+    def close(self, run_status: str) -> None:
         """Write the file with the final run_status: complete, failed or interrupted."""
         require_status(run_status, RUN_STATUS[1:])
         self.run_status = run_status
         self._write()
 
-    def _write(self):
+    def _write(self) -> None:
         write_atomically(self.path, self._fill)
 
-    def _fill(self, dataset):
+    def _fill(self, dataset: "netCDF4.Dataset") -> None:
         set_global_attributes(dataset, self.attributes, self.run_status)
+        # In a fixed order, so that equal runs give equal files.
         for dimension in sorted(self.sizes, key=lambda d: (d not in STATIC_DIMS, d)):
             if dimension not in self.labels:
                 dataset.createDimension(dimension, self.sizes[dimension])
@@ -207,9 +245,9 @@ class GrainsWriter:
         used = {d for v in (*self.static_variables.values(), *self.variables.values()) for d in v.dims}
         labels = put_labels(dataset, {d: texts for d, texts in self.labels.items() if d in used})
         for name, variable in self.static_variables.items():
-            put_variable(dataset, variable, self.static[name], self.extra.get(name, ()), labels)
+            put_variable(dataset, variable, self.static[name], self.extra.get(name), labels)
         for name, variable in self.variables.items():
             array = np.empty((len(self._times), *self._shape(variable.dims[1:])), netcdf_type(variable, self.precision))
             for i, snapshot in enumerate(self._snapshots[name]):
                 array[i] = snapshot
-            put_variable(dataset, variable, array, self.extra.get(name, ()), labels)
+            put_variable(dataset, variable, array, self.extra.get(name), labels)

@@ -1,13 +1,20 @@
 """The files of one sheared layer: run.nc (time series) and grains.nc (snapshots), closed with the right status."""
 
+from os import PathLike
 from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from ..core.errors import SimulationError
-from ..measure.sheared_layer import STAGES, layer_rows
+from ..measure.sheared_layer import STAGES, Row, ShearedLayer, layer_rows
 from .grains_file import GrainsWriter, snapshot_rows, static_rows
 from .run_file import RunWriter, file_attributes
+
+if TYPE_CHECKING:
+    from ..scene import Scene
 
 
 class LayerRecorder:
@@ -16,10 +23,23 @@ class LayerRecorder:
     A long run leaves its last good state in checkpoint.nc; one that a guard stops also its state at the stop, in
     stopped.nc and as the last snapshot of grains.nc (`Simulation.keep_checkpoints`).
 
-    out: folder. title, summary: of the files. config_toml: merged parameters. seed: of the packing.
+    Parameters
+    ----------
+    out
+        Folder of the files.
+    layer
+        What is recorded.
+    title, summary
+        Of the files, see `file_attributes`.
+    config_toml
+        The merged parameters as TOML text.
+    seed
+        Random seed of the packing.
     """
 
-    def __init__(self, out, layer, title, summary, config_toml, seed):
+    def __init__(
+        self, out: str | PathLike[str], layer: ShearedLayer, title: str, summary: str, config_toml: str, seed: int
+    ) -> None:
         sim = layer.sim
         self.layer, self.sim = layer, sim
         runtime = sim.runtime
@@ -45,19 +65,19 @@ class LayerRecorder:
             attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
         )
 
-    def row(self, stage):
-        """Append a row to run.nc and return it."""
+    def row(self, stage: int) -> Row:
+        """Append a row to run.nc and return it; `stage` is an index of STAGES."""
         row = self.layer.row(stage)
         with self.sim.clock("output"):
             self.run.append(row)
         return row
 
-    def snapshot(self):
+    def snapshot(self) -> None:
         """Append all grains to grains.nc."""
         with self.sim.clock("output"):
             self._snapshot(self.sim.time)
 
-    def _snapshot(self, time):
+    def _snapshot(self, time: float) -> None:
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
         if self.sim.spec.rotates:
@@ -65,20 +85,26 @@ class LayerRecorder:
             arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity
         if self.sim.grains.has("orientation"):
             arrays["orientation"] = _quaternions(state.orientation.to_numpy())
-        if self.sim.bonds:
-            arrays["bond_intact"] = self.sim.bonds.intact.to_numpy()
+        bonds: Any = self.sim.bonds  # its fields are attributes made from schema rows
+        if bonds:
+            arrays["bond_intact"] = bonds.intact.to_numpy()
         self.grains.append(time, arrays)
 
-    def _snapshot_of_stop(self):
-        """The state in which a run was stopped, if it can be drawn; in a step that had begun, if there is one of the
-        time before it."""
+    def _snapshot_of_stop(self) -> None:
+        """Append the state in which a run was stopped, if its positions are finite.
+
+        Times of snapshots must rise: where there is one of the present time, the state is that of the next step, which
+        had begun.
+        """
         if np.isfinite(self.sim.state.position.to_numpy()).all():
             self._snapshot(self.sim.time + self.sim.dt * (self.sim.time <= self.grains.last_time))
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind, error, trace):
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if kind is not None and issubclass(kind, SimulationError):
             self._snapshot_of_stop()
         status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
@@ -86,16 +112,16 @@ class LayerRecorder:
         self.grains.close(status)
 
 
-def _quaternions(turn):
-    """Unit quaternions (w, x, y, z) of orientations; a 2D turn is one about z."""
-    if turn.shape[1] == 4:
-        return turn
-    half = 0.5 * np.arctan2(turn[:, 1], turn[:, 0])
+def _quaternions(orientation: npt.NDArray) -> npt.NDArray:
+    """Unit quaternions (n, 4), w, x, y, z, of orientations; a rotation in 2D is one about z."""
+    if orientation.shape[1] == 4:
+        return orientation
+    half = 0.5 * np.arctan2(orientation[:, 1], orientation[:, 0])
     zero = np.zeros_like(half)
     return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
 
 
-def _constants(scene):
+def _constants(scene: "Scene") -> dict[str, npt.NDArray]:
     """What does not change: per grain, then per patch of the shape table."""
     mass, inertia = scene.masses()
     patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
@@ -104,7 +130,7 @@ def _constants(scene):
         "mass": mass,
         "inertia": inertia[:, 0] if scene.dim == 2 else inertia,
         "bounding_radius": scene.per_grain("bounding_radius"),
-        "kind": (scene.platen_index >= 0).astype(np.int32),
+        "kind": (np.asarray(scene.platen_index) >= 0).astype(np.int32),
         "shape_index": scene.shape_index.astype(np.int32),
         "shape_scale": scene.diameter,
         "patch_count": np.array([s.patch_count for s in scene.shapes], np.int32),

@@ -1,5 +1,6 @@
-"""NetCDF files that survive a kill: every write makes a whole new file and renames it over the old one.
+"""NetCDF files of a run: time series, tables and energies, with their global attributes.
 
+Every write makes a whole new file and renames it over the old one, so that a killed run leaves a file that can be read.
 Conventions CF-1.11 and ACDD-1.3. Times are float64 elapsed seconds with units "s", never "seconds since" a
 date. Text labels are auxiliary coordinates such as `effect_name(effect)`.
 """
@@ -7,13 +8,18 @@ date. Text labels are auxiliary coordinates such as `effect_name(effect)`.
 import subprocess
 import time
 import uuid
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..core.atomic_netcdf import write_atomically
+from ..core.errors import InputError
 from ..core.schema import Variable
 from .netcdf_variables import (
     checked_array,
@@ -26,6 +32,9 @@ from .netcdf_variables import (
     rows_by_name,
 )
 
+if TYPE_CHECKING:
+    import netCDF4
+
 RUN_STATUS = ("running", "complete", "failed", "interrupted")
 REFERENCES = (
     "Abe and Mora (2003), Efficient implementation of complex particle shapes in the lattice solid model; "
@@ -33,12 +42,12 @@ REFERENCES = (
 )
 
 
-def utc_now():
+def utc_now() -> str:
     """Present time as ISO 8601 text in UTC, to the second."""
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def package_version(name):
+def package_version(name: str) -> str:
     """Version of an installed distribution, or "unknown"."""
     try:
         return metadata.version(name)
@@ -46,7 +55,7 @@ def package_version(name):
         return "unknown"
 
 
-def git_commit(folder=None):
+def git_commit(folder: str | PathLike[str] | None = None) -> str:
     """Commit of the repository that the package's folder lies in, or "unknown".
 
     A repository without taichi_lsm at its root is somebody else's that holds a virtual environment: unknown.
@@ -61,10 +70,32 @@ def git_commit(folder=None):
     return commit if (Path(root) / "taichi_lsm" / "scene.py").exists() else "unknown"
 
 
-def file_attributes(title, summary, config_toml, seed, dt, arch, precision, published_friction=REFERENCES):
+def file_attributes(
+    title: str,
+    summary: str,
+    config_toml: str,
+    seed: int,
+    dt: float,
+    arch: str,
+    precision: str,
+    references: str = REFERENCES,
+) -> dict[str, Any]:
     """Global attributes of a file, as a dict; the writers add run_status and date_modified.
 
-    config_toml: the merged parameters as TOML text; dt [s]: time step; arch, precision: those of the runtime.
+    Parameters
+    ----------
+    title, summary
+        What the file holds, in one line and in a few sentences.
+    config_toml
+        The merged parameters as TOML text.
+    seed
+        Random seed.
+    dt
+        Time step [s].
+    arch, precision
+        Those of the runtime.
+    references
+        Papers that the data rest on.
     """
     version, created = package_version("taichi-lsm"), utc_now()
     return {
@@ -73,7 +104,7 @@ def file_attributes(title, summary, config_toml, seed, dt, arch, precision, publ
         "summary": summary,
         "source": f"taichi_lsm {version}, Taichi {package_version('taichi')}, {arch}, {precision}",
         "history": f"{created} created by taichi_lsm {version}",
-        "references": published_friction,
+        "references": references,
         "date_created": created,
         "id": str(uuid.uuid4()),
         "config_toml": config_toml,
@@ -83,33 +114,52 @@ def file_attributes(title, summary, config_toml, seed, dt, arch, precision, publ
     }
 
 
-def set_global_attributes(dataset, attributes, run_status):
+def set_global_attributes(dataset: "netCDF4.Dataset", attributes: Mapping[str, Any], run_status: str) -> None:
     """Write the global attributes with this run_status and the present date_modified."""
     dataset.setncatts({**attributes, "run_status": run_status, "date_modified": utc_now()})
 
 
-def require_status(run_status, allowed=RUN_STATUS):
-    """Raise ValueError unless run_status is one of `allowed`."""
+def require_status(run_status: str, allowed: Sequence[str] = RUN_STATUS) -> None:
+    """Raise InputError unless run_status is one of `allowed`."""
     if run_status not in allowed:
-        raise ValueError(f"run_status {run_status!r}, allowed are {', '.join(allowed)}")
+        raise InputError(f"run_status {run_status!r}, allowed are {', '.join(allowed)}")
 
 
 def write_table(
-    path,
-    columns,
-    variables,
-    attributes,
-    parameters=(),
-    text=None,
-    run_status="complete",
-    extra_attributes=None,
-):
+    path: str | PathLike[str],
+    columns: Mapping[str, Sequence[Any] | npt.NDArray],
+    variables: Sequence[Variable],
+    attributes: Mapping[str, Any],
+    parameters: Sequence[str] = (),
+    text: Mapping[str, str] | None = None,
+    run_status: str = "complete",
+    extra_attributes: Mapping[str, Mapping[str, Any]] | None = None,
+) -> None:
     """Write a file with one row per run (dimension `run`), such as compare.nc and sweep.nc.
 
-    columns: dict of name -> n numbers or texts. variables: schema rows, dims ("run",), of the number columns.
-    text: dict of name -> long_name of the text columns. parameters: names of the columns that were varied,
-    which become coordinates. extra_attributes: dict of name -> attributes, e.g. flag_values.
-    Raises ValueError for a column that is missing, unknown, of another length or of the wrong type.
+    Parameters
+    ----------
+    path
+        The file, which appears whole or not at all.
+    columns
+        {name: n numbers or texts}.
+    variables
+        Schema rows, dims ("run",), of the number columns.
+    attributes
+        Global attributes, see `file_attributes`.
+    parameters
+        Names of the columns that were varied; they become coordinates.
+    text
+        {name: long_name} of the text columns.
+    run_status
+        "complete", "running", "failed" or "interrupted".
+    extra_attributes
+        {name: attributes}, such as flag_values.
+
+    Raises
+    ------
+    InputError
+        For a column that is missing, unknown, of another length or of the wrong type, or a folder that does not exist.
     """
     text, extra_attributes = text or {}, extra_attributes or {}
     rows = rows_by_name(variables)
@@ -119,15 +169,15 @@ def write_table(
     require_known("extra_attributes", extra_attributes, columns)
     count = len(next(iter(columns.values()), ()))
     if count == 0:
-        raise ValueError("table columns: no runs to write")
+        raise InputError("table columns: no runs to write")
     arrays = {}
     for name, variable in rows.items():
         if variable.dims != ("run",):
-            raise ValueError(f"{name}: dims {variable.dims}, allowed is ('run',)")
+            raise InputError(f"{name}: dims {variable.dims}, allowed is ('run',)")
         arrays[name] = checked_array(variable, columns[name], (count,))
     for name in text:
         if len(columns[name]) != count or not all(isinstance(value, str) for value in columns[name]):
-            raise ValueError(f"{name}: {count} texts expected, got {columns[name]!r}")
+            raise InputError(f"{name}: {count} texts expected, got {columns[name]!r}")
 
     def fill(dataset):
         set_global_attributes(dataset, attributes, run_status)
@@ -136,7 +186,7 @@ def write_table(
         for name in sorted(columns, key=lambda name: name not in parameters):
             attached = () if name in parameters else parameters
             if name in rows:
-                put_variable(dataset, rows[name], arrays[name], extra_attributes.get(name, ()), attached)
+                put_variable(dataset, rows[name], arrays[name], extra_attributes.get(name), attached)
                 continue
             stored = dataset.createVariable(name, str, ("run",))
             stored.setncatts({"long_name": text[name], **extra_attributes.get(name, {})})
@@ -150,25 +200,43 @@ def write_table(
 class RunWriter:
     """Time series of one run: rows are buffered, the whole file is rewritten at every flush.
 
-    path: the file, written at once with run_status "running". variables: schema rows with dims ("time",) or
-    ("time", <labelled dimension>); "real" is stored as f64. attributes: see `file_attributes`.
-    coordinates: dict of dimension -> labels, for every dimension other than time, e.g. {"effect": [...]}.
-    auxiliary: names of variables along time that serve the others as coordinates, such as the shear strain.
-    extra_attributes: dict of name -> attributes, e.g. {"stage": {"flag_values": [0, 1], "flag_meanings":
-    ["settle", "shear"]}}.
-    flush_seconds [s]: `append` flushes when the last write is older. Not reentrant: see `write_atomically`.
+    Parameters
+    ----------
+    path
+        The file, written at once with run_status "running".
+    variables
+        Schema rows with dims ("time",) or ("time", <labelled dimension>); "real" is stored as f64.
+    attributes
+        Global attributes, see `file_attributes`.
+    coordinates
+        {dimension: labels} for every dimension other than time, such as {"effect": [...]}.
+    flush_seconds
+        `append` flushes when the last write is older [s].
+    auxiliary
+        Names of variables along time that serve the others as coordinates, such as the shear strain.
+    extra_attributes
+        {name: attributes}, such as {"stage": {"flag_values": [0, 1], "flag_meanings": ["settle", "shear"]}}.
+
+    Raises
+    ------
+    InputError
+        For a declaration that contradicts itself.
+
+    Notes
+    -----
+    Not reentrant: see `write_atomically`.
     """
 
     def __init__(
         self,
-        path,
-        variables,
-        attributes,
-        coordinates=None,
-        flush_seconds=30.0,
-        auxiliary=(),
-        extra_attributes=None,
-    ):
+        path: str | PathLike[str],
+        variables: Iterable[Variable],
+        attributes: Mapping[str, Any],
+        coordinates: Mapping[str, Iterable[str]] | None = None,
+        flush_seconds: float = 30.0,
+        auxiliary: Iterable[str] = (),
+        extra_attributes: Mapping[str, Mapping[str, Any]] | None = None,
+    ) -> None:
         self.path = Path(path)
         self.attributes = dict(attributes)
         self.labels = {name: list(texts) for name, texts in (coordinates or {}).items()}
@@ -180,34 +248,37 @@ class RunWriter:
         self._check_declaration()
         self._shapes = {name: tuple(len(self.labels[d]) for d in v.dims[1:]) for name, v in self.variables.items()}
         self._rows = {name: [] for name in ("time", *self.variables)}
-        self._stored = {"time": np.empty(0)}
+        self._stored: dict[str, npt.NDArray] = {"time": np.empty(0)}
         for name, variable in self.variables.items():
             self._stored[name] = np.empty((0, *self._shapes[name]), netcdf_type(variable))
         self._last_time = -np.inf
         self.flush()
 
-    def _check_declaration(self):
+    def _check_declaration(self) -> None:
         for name, variable in self.variables.items():
             if variable.dims[:1] != ("time",):
-                raise ValueError(f"{name}: dims {variable.dims}, the first must be 'time'")
+                raise InputError(f"{name}: dims {variable.dims}, the first must be 'time'")
             for dimension in variable.dims[1:]:
                 if dimension not in self.labels:
-                    raise ValueError(f"{name}: dimension {dimension!r} has no labels in coordinates")
+                    raise InputError(f"{name}: dimension {dimension!r} has no labels in coordinates")
         require_known("auxiliary", self.auxiliary, self.variables)
         require_known("extra_attributes", self.extra, self.variables)
 
-    def append(self, row):
-        """Add one row: a dict with time [s] and a value for every declared variable, in its units.
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Add one row: time [s] and a value for every declared variable, in its units.
 
-        Raises ValueError, and keeps nothing of the row, if a name is missing or unknown, a value has the
-        wrong shape or type, time does not increase, or the writer is closed.
+        Raises
+        ------
+        InputError
+            And keeps nothing of the row, if a name is missing or unknown, a value has the wrong shape or type, time
+            does not increase, or the writer is closed.
         """
         if self.run_status != "running":
-            raise ValueError(f"{self.path.name} is closed ({self.run_status}); no row can be appended")
+            raise InputError(f"{self.path.name} is closed ({self.run_status}); no row can be appended")
         require_names(row, ["time", *self.variables], f"row of {self.path.name}")
         now = float(row["time"])
         if not (np.isfinite(now) and now > self._last_time):
-            raise ValueError(f"time: {now} s, must be finite and above the last row's {self._last_time} s")
+            raise InputError(f"time: {now} s, must be finite and above the last row's {self._last_time} s")
         checked = {n: checked_array(v, row[n], self._shapes[n]) for n, v in self.variables.items()}
         self._last_time = now
         for name, value in {"time": np.float64(now), **checked}.items():
@@ -215,7 +286,7 @@ class RunWriter:
         if time.monotonic() - self._flushed >= self.flush_seconds:
             self.flush()
 
-    def flush(self):
+    def flush(self) -> None:
         """Write all rows so far."""
         for name, rows in self._rows.items():
             if rows:
@@ -224,18 +295,18 @@ class RunWriter:
         write_atomically(self.path, self._fill)
         self._flushed = time.monotonic()
 
-    def close(self, run_status):
+    def close(self, run_status: str) -> None:
         """Write all rows with the final run_status: complete, failed or interrupted."""
         require_status(run_status, RUN_STATUS[1:])
         self.run_status = run_status
         self.flush()
 
-    def _fill(self, dataset):
+    def _fill(self, dataset: "netCDF4.Dataset") -> None:
         set_global_attributes(dataset, self.attributes, self.run_status)
         put_time(dataset, self._stored["time"])
         attached = (*self.auxiliary, *put_labels(dataset, self.labels))
         for name in (*self.auxiliary, *(n for n in self.variables if n not in self.auxiliary)):
-            extra, coordinates = self.extra.get(name, ()), () if name in self.auxiliary else attached
+            extra, coordinates = self.extra.get(name), () if name in self.auxiliary else attached
             put_variable(dataset, self.variables[name], self._stored[name], extra, coordinates)
 
 
@@ -248,8 +319,20 @@ ENERGY_ROWS = [
 ]
 
 
-def write_energies(path, series, attributes):
-    """Write energy.nc. series: dict of arrays over time, time [s] and the terms [J] but for the total."""
+def write_energies(
+    path: str | PathLike[str], series: Mapping[str, Sequence[float] | npt.NDArray], attributes: Mapping[str, Any]
+) -> None:
+    """Write energy.nc: the energies of a run over time, Eqs. (22)-(24) of Abe & Mora (2003), and their total.
+
+    Parameters
+    ----------
+    path
+        The file.
+    series
+        Arrays (time,): time [s], translational_energy, rotational_energy, elastic_energy, shadow_correction [J].
+    attributes
+        Global attributes, see `file_attributes`.
+    """
     writer = RunWriter(path, ENERGY_ROWS, attributes)
     for i, moment in enumerate(series["time"]):
         row = {v.name: series[v.name][i] for v in ENERGY_ROWS[:-1]}

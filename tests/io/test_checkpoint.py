@@ -2,12 +2,14 @@
 
 import hashlib
 
+import netCDF4
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
 from taichi_lsm.contact.pair_storage import HAS_IMPULSE
 from tests.helpers import scenes
+from tests.helpers.output_files import table
 
 STEPS = 400
 
@@ -69,8 +71,27 @@ def digest(sim):
     return result.hexdigest(), sim.step, sim.rebuilds
 
 
+@pytest.fixture(scope="module")
+def saved(runtime, tmp_path_factory):
+    """(simulation of two grains, digest of its state, checkpoint of an earlier one)."""
+    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.99, 0.0)], scenes.frictional()))
+    sim.run(10)
+    path = tmp_path_factory.mktemp("checkpoints") / "checkpoint.nc"
+    lsm.save_checkpoint(sim, path)
+    sim.run(10)
+    return sim, digest(sim), path
+
+
+def check_refused(saved, path, reason):
+    """The file is named, and the simulation is as it was."""
+    sim, before, _ = saved
+    with pytest.raises(lsm.InputError, match=rf"checkpoint .*{path.name}: {reason}"):
+        lsm.restore_checkpoint(sim, path)
+    assert digest(sim) == before
+
+
 @pytest.mark.parametrize("name", SCENES)
-def test_a_restored_run_gives_the_same_bits(runtime, tmp_path, name):
+def test_a_restored_run_gives_the_same_bits(saved, tmp_path, name):
     file = tmp_path / "checkpoint.nc"
     first = scenes.simulate(SCENES[name]())
     first.run(STEPS)
@@ -86,14 +107,34 @@ def test_a_restored_run_gives_the_same_bits(runtime, tmp_path, name):
     lsm.restore_checkpoint(first, file)  # back in the same process
     first.run(STEPS)
     assert digest(first) == digest(second)
-    if name != "arcs":
-        return
+    check_refused(saved, file, "grains is 48, but the scene has 2")  # of another scene
+
+
+def test_missing_truncated_and_foreign_files_are_refused(saved, tmp_path):
+    check_refused(saved, tmp_path / "none.nc", "no such file, must be a whole file that save_checkpoint wrote")
+    whole = saved[2].read_bytes()
     broken = tmp_path / "broken.nc"
-    broken.write_bytes(file.read_bytes()[:2000])
-    with pytest.raises(lsm.InputError, match="broken.nc"):
-        lsm.restore_checkpoint(first, broken)
-    with pytest.raises(lsm.InputError, match="no such file"):
-        lsm.restore_checkpoint(first, tmp_path / "none.nc")
-    other = scenes.simulate(scenes.scene([(0.0, 0.0), (3.0, 0.0)], scenes.frictional()))
-    with pytest.raises(lsm.InputError, match="grains is 48, but the scene has 2"):
-        lsm.restore_checkpoint(other, file)
+    for share in (0.0, 0.05, 0.5, 0.99):
+        broken.write_bytes(whole[: int(share * len(whole))])
+        check_refused(saved, broken, "cannot be read .*must be a whole file that save_checkpoint wrote")
+    broken.write_bytes(b"no file of numbers")
+    check_refused(saved, broken, "cannot be read")
+    table(tmp_path / "compare.nc")
+    check_refused(saved, tmp_path / "compare.nc", "format missing, must be a whole file that save_checkpoint wrote")
+
+
+def test_checkpoints_that_lack_a_table_or_a_number_are_refused(saved, tmp_path):
+    copy = tmp_path / "copy.nc"
+    copy.write_bytes(saved[2].read_bytes())
+    with netCDF4.Dataset(copy, "a") as file:
+        file["pairs"].renameVariable("status", "gone")
+    check_refused(saved, copy, "cannot be read .*status")
+    copy.write_bytes(saved[2].read_bytes())
+    with netCDF4.Dataset(copy, "a") as file:
+        file.delncattr("rebuilds")
+    check_refused(saved, copy, "rebuilds missing")
+
+
+def test_no_checkpoint_is_written_without_a_folder(saved, tmp_path):
+    with pytest.raises(lsm.InputError, match=r"last\.nc: cannot be written, there is no folder"):
+        lsm.save_checkpoint(saved[0], tmp_path / "runs" / "last.nc")
