@@ -1,5 +1,7 @@
 """A small sheared layer of angular grains: what ShearedLayer reports against forces, counts and areas taken apart."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -105,8 +107,8 @@ def test_porosity_thickness_and_coordination_are_those_counted_by_hand(consolida
 def touching_outlines(sim, place):
     """Pairs whose support functions overlap in every direction: s(n) > 0 for all n on a fine grid."""
     scene = sim.scene
-    turn = sim.state.orientation.to_numpy()
-    angle = np.arctan2(turn[:, 1], turn[:, 0])
+    orientation = sim.state.orientation.to_numpy()
+    angle = np.arctan2(orientation[:, 1], orientation[:, 0])
     grid = 2 * np.pi / 4096 * np.arange(4096)
     n = np.stack([np.cos(grid), np.sin(grid)], axis=1)
     h = np.array(
@@ -143,9 +145,9 @@ def test_shear_closes_its_energy_budget(consolidated):
             layer.sample()
         row = layer.row(2)
     now = sim.platens.snapshot()
-    way = now["displacement"][1, 0] - start["displacement"][1, 0]
-    assert way == pytest.approx(velocity * (sim.time - began), rel=0.05)  # but for the ramp
-    assert row["shear_strain"] == pytest.approx(way / row["layer_thickness"], rel=0.1)
+    path = now["displacement"][1, 0] - start["displacement"][1, 0]
+    assert path == pytest.approx(velocity * (sim.time - began), rel=0.05)  # but for the ramp
+    assert row["shear_strain"] == pytest.approx(path / row["layer_thickness"], rel=0.1)
     assert row["shear_strain"] > 0.1
     assert row["plate_velocity"] == velocity
     assert row["inertial_number"] == pytest.approx(velocity / layer.thickness * 0.75, rel=1e-6)  # sqrt(rho/P) = 1
@@ -168,6 +170,22 @@ def test_platens_that_meet_stop_the_run(consolidated):
             layer.sample()
     finally:
         layer.plane[1] += 100.0
+
+
+def test_what_makes_no_sense_is_refused(consolidated, reference_packing):
+    sim, layer, _ = consolidated
+    for stress in (0.0, -STRESS, np.nan):
+        with pytest.raises(lsm.InputError, match=r"ShearedLayer\.target_stress: .*, must be > 0"):
+            lsm.ShearedLayer(sim, stress, 0.75)
+    with pytest.raises(lsm.InputError, match=r"ShearedLayer\.diameter: -1.0, must be > 0"):
+        lsm.ShearedLayer(sim, STRESS, -1.0)
+    with pytest.raises(lsm.InputError, match=r"Scene\.platens: 0, must be 2"):
+        lsm.ShearedLayer(reference_packing("frictional_discs"), STRESS, 0.75)
+    silent = SimpleNamespace(scene=SimpleNamespace(track_dissipation=False))
+    with pytest.raises(lsm.InputError, match=r"Scene\.track_dissipation is False"):
+        lsm.ShearedLayer(silent, STRESS, 0.75)
+    with pytest.raises(lsm.InputError, match=r"no sample since the last row"):
+        layer.row(1)
 
 
 def test_stress_over_everything_is_a_number(reference_packing):
