@@ -32,6 +32,7 @@ def find_effects() -> dict[str, type[Effect]]:
     found = {}
     for module in modules:
         for _, cls in inspect.getmembers(module, inspect.isclass):
+            # A class that a module only imports belongs to another file.
             if issubclass(cls, Effect) and cls is not Effect and cls.__module__ == module.__name__:
                 found[effect_name(cls)] = cls
     return dict(sorted(found.items()))

@@ -70,7 +70,7 @@ class Hertz(Effect):
         """F_n += 2/3 slope d; the linear spring that oscillates alike has 5/6 of the slope."""
         slope = self.tangent_stiffness(contact)
         contact.normal_force += 2.0 / 3.0 * slope * contact.depth
-        contact.stiffness += 5.0 / 6.0 * slope
+        contact.stiffness += 5.0 / 6.0 * slope  # (p + 1)/(2 p) of the slope, p = 1.5
         return 0.0
 
     @ti.func

@@ -149,6 +149,7 @@ class Mindlin(Effect):
         size = ti.max(ti.select(level == 0, 1.0, 2.0) * limit, TINY)
         y_old = displaced((f - origin) / size)
         y = y_old + step * (k / (1.5 * size))
+        # A closed loop is forgotten: what is left of the step goes on along the curve outside it.
         if level == 2 and y.dot(y_old) < 0.0:  # back beyond the second turning point: the rest of the step is level 1
             f, origin, second = second, first, 0.0 * second
             y_old = displaced((f - origin) / size)

@@ -157,7 +157,8 @@ class RateAndStateFriction(Effect):
         q = size / limit
         rate, r = self.V_0_[0] * dt / limit, self.V_0_[0] * dt / self.D_c_[0]
         ln_q = ti.log(q)
-        high = ln_q - ti.log(rate)  # all motion is slip
+        # A bracket of y = ln(V/V_0): above, all motion is slip; below, the strongest state carries it all.
+        high = ln_q - ti.log(rate)
         healed = ti.max(s, 0.0) + ti.log(1.0 + r)  # no evolution goes beyond
         low = ti.select(q > 2.0, 0.5 * q - 0.5, ln_q) - (self.mu_0_[0] + self.b_[0] * healed) / self.a_[0]
         low = ti.min(low, high - 0.7)
@@ -182,12 +183,12 @@ class RateAndStateFriction(Effect):
 
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
-        """F_t -= k_t xi, xi shortened by the slip V dt that solves the law; returns the work of that slip."""
+        """F_t -= k_t xi, xi shortened by the slip V dt that solves the equation; returns the work of that slip."""
         k_t = self.k_t_[0]
         limit = self.a_[0] / k_t * contact.normal_force
         xi_old = spring_of(contact, history)
         trial = xi_old + slip_of(contact)
-        last = ti.static(xi_old.n)
+        last = ti.static(xi_old.n)  # the state follows the components of the spring
         size, dt = ti.max(ti.sqrt(trial.dot(trial)), TINY), ti.max(contact.dt, INSTANT)
         share, s, y = self.slipped(size, ti.max(limit, TINY), history[last], dt)
         xi = ti.select(limit > 0.0, share, 0.0) * trial
@@ -195,6 +196,7 @@ class RateAndStateFriction(Effect):
         contact.tangential_force -= in_space(contact, k_t * xi)
         remember(history, xi)
         history[last] = ti.select(contact.touching == 1, s, 0.0)
+        # The slider has moved by trial - xi, under the mean of the old and the new force.
         return 0.5 * k_t * (xi_old + xi).dot(trial - xi)
 
     @ti.func

@@ -74,6 +74,7 @@ class RollingResistance(Effect):
         angle, _ = limited(trial, self.mu_[0] / k * contact.reduced_radius * contact.normal_force)
         contact.contact_moment -= k * angle
         remember(history, angle)
+        # Rolling beyond the limit is trial - angle, under the mean of the old and the new moment.
         return 0.5 * k * (old + angle).dot(trial - angle)
 
     @ti.func

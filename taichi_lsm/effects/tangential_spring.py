@@ -16,6 +16,7 @@ def stable_spring_step(stiffness: float, bodies: Bodies) -> float:
     C contacts on the lightest grain and on its partner, as for a normal spring; R^2 m/I is the leverage of rotation.
     """
     per_contact = stiffness / bodies.least_mass * (1.0 + bodies.rotation_factor)
+    # Both grains of a contact move, which doubles its frequency squared.
     return 2.0 / np.sqrt(2.0 * bodies.coordination * per_contact)
 
 
@@ -40,6 +41,7 @@ def transported(xi, n, contact):
     along = xi.dot(n)
     size2 = xi.dot(xi)
     x = ti.select(size2 > 0.0, along * along / size2, 0.0)
+    # Onto the new plane with its length restored, then about the normal by the rotation of the step.
     flat = (xi - along * n) * (1.0 + x * (0.5 + x * (0.375 + x * 0.3125)))
     return flat + (contact.normal_angular_velocity * contact.dt) * n.cross(flat)
 

@@ -98,6 +98,7 @@ class VelocityWeakeningFriction(Effect):
         contact.sliding |= slides
         contact.tangential_force -= in_space(contact, k_t * xi)
         remember(history, xi)
+        # The slider has moved by trial - xi, under the mean of the old and the new force.
         return 0.5 * k_t * (xi_old + xi).dot(trial - xi)
 
     @ti.func

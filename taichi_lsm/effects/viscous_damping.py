@@ -32,6 +32,7 @@ def damping_ratio_of(restitution: float) -> float:
         return 0.0
     low, high = 0.0, 1.0e3
     middle = 0.5 * (low + high)
+    # Restitution falls as zeta grows; the bracket is halved until it holds no number between its ends.
     while low < middle < high:
         low, high = (middle, high) if restitution_of(middle) > restitution else (low, middle)
         middle = 0.5 * (low + high)
@@ -105,7 +106,7 @@ class ViscousDamping(Effect):
     @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
         """F_n += c d', no further than to F_n = 0; returns the work of the dashpot."""
-        c = self.c_[0]
+        c = self.c_[0]  # becomes the dashpot's constant [kg s-1]: 2 zeta sqrt(k m) or gamma m
         if ti.static(self.by_restitution):
             c *= ti.sqrt(contact.stiffness * contact.mass)
         else:
@@ -113,8 +114,9 @@ class ViscousDamping(Effect):
         force = c * contact.approach
         if contact.touching == 0:
             force = 0.0
-        force = ti.max(force, -contact.normal_force)
+        force = ti.max(force, -contact.normal_force)  # the total is never attractive
         contact.normal_force += force
+        # Work of the mean of the last and the present force: the trapezoidal rule, as Verlet moves the grains.
         dissipated = 0.5 * (history[0] + force) * contact.approach * contact.dt
         history[0] = force
         return dissipated

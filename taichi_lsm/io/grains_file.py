@@ -32,7 +32,7 @@ COMMENT = (
     "and radii are multiples of shape_scale, in the body frame of the shape (origin at the centre of mass). "
     "Grain g has shape s = shape_index[g], counted from 0; the centre of a patch of it lies at position[g] + "
     "shape_scale[g] * R[g] patch_centre, its radius is shape_scale[g] * patch_radius, with R[g] the "
-    "rotation by orientation[g] (w, x, y, z; in 2D a turn about z)."
+    "rotation by orientation[g] (w, x, y, z; in 2D a rotation about z)."
 )
 INTACT = {"flag_values": [0, 1], "flag_meanings": ["broken", "intact"]}
 KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
@@ -79,7 +79,7 @@ def snapshot_rows(dim: int, rotates: bool = True, oriented: bool = True, bonded:
                 ("time", "grain", "quaternion"),
                 "f64",
                 "1",
-                "unit quaternion w, x, y, z that turns the body frame into the world frame",
+                "unit quaternion w, x, y, z that rotates the body frame into the world frame",
             )
         )
     if bonded:

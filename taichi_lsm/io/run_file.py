@@ -58,7 +58,7 @@ def package_version(name: str) -> str:
 def git_commit(folder: str | PathLike[str] | None = None) -> str:
     """Commit of the repository that the package's folder lies in, or "unknown".
 
-    A repository without taichi_lsm at its root is somebody else's that holds a virtual environment: unknown.
+    A repository without taichi_lsm at its root belongs to another project that holds a virtual environment.
     """
     folder = Path(__file__).parent if folder is None else Path(folder)
     command = ["git", "rev-parse", "--show-toplevel", "HEAD"]
@@ -170,16 +170,9 @@ def write_table(
     count = len(next(iter(columns.values()), ()))
     if count == 0:
         raise InputError("table columns: no runs to write")
-    arrays = {}
-    for name, variable in rows.items():
-        if variable.dims != ("run",):
-            raise InputError(f"{name}: dims {variable.dims}, allowed is ('run',)")
-        arrays[name] = checked_array(variable, columns[name], (count,))
-    for name in text:
-        if len(columns[name]) != count or not all(isinstance(value, str) for value in columns[name]):
-            raise InputError(f"{name}: {count} texts expected, got {columns[name]!r}")
+    arrays = _checked_columns(columns, rows, text, count)
 
-    def fill(dataset):
+    def fill(dataset: "netCDF4.Dataset") -> None:
         set_global_attributes(dataset, attributes, run_status)
         dataset.createDimension("run", count)
         # Coordinates first: a variable can only be attached to what is there.
@@ -195,6 +188,24 @@ def write_table(
             stored[:] = np.array(columns[name], dtype=object)
 
     write_atomically(path, fill)
+
+
+def _checked_columns(
+    columns: Mapping[str, Sequence[Any] | npt.NDArray],
+    rows: Mapping[str, Variable],
+    text: Iterable[str],
+    count: int,
+) -> dict[str, npt.NDArray]:
+    """The number columns as arrays of `count` values; InputError for one, or for a text column, that does not fit."""
+    arrays = {}
+    for name, variable in rows.items():
+        if variable.dims != ("run",):
+            raise InputError(f"{name}: dims {variable.dims}, allowed is ('run',)")
+        arrays[name] = checked_array(variable, columns[name], (count,))
+    for name in text:
+        if len(columns[name]) != count or not all(isinstance(value, str) for value in columns[name]):
+            raise InputError(f"{name}: {count} texts expected, got {columns[name]!r}")
+    return arrays
 
 
 class RunWriter:
@@ -289,7 +300,7 @@ class RunWriter:
     def flush(self) -> None:
         """Write all rows so far."""
         for name, rows in self._rows.items():
-            if rows:
+            if rows:  # buffered since the last write
                 self._stored[name] = np.concatenate([self._stored[name], np.stack(rows)])
                 rows.clear()
         write_atomically(self.path, self._fill)
@@ -305,6 +316,7 @@ class RunWriter:
         set_global_attributes(dataset, self.attributes, self.run_status)
         put_time(dataset, self._stored["time"])
         attached = (*self.auxiliary, *put_labels(dataset, self.labels))
+        # Auxiliary variables first: a variable can only be attached to what is there.
         for name in (*self.auxiliary, *(n for n in self.variables if n not in self.auxiliary)):
             extra, coordinates = self.extra.get(name), () if name in self.auxiliary else attached
             put_variable(dataset, self.variables[name], self._stored[name], extra, coordinates)

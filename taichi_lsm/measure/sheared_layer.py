@@ -1,6 +1,7 @@
 """A layer sheared between two platens: its stresses, strain, porosity and closed energy budget, row by row."""
 
 import warnings
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -24,14 +25,13 @@ SETTLED = 10.0  # the balance is judged once the work is this many times the ela
 STAGES = ("generate", "consolidate", "shear")
 
 
+def series(name: str, units: str, long_name: str, dtype: str = "f64", dims: tuple[str, ...] = ("time",)) -> Variable:
+    """Schema row of a time series."""
+    return Variable(name, dims, dtype, units, long_name)
+
+
 def layer_rows(bonded: bool = False) -> list[Variable]:
     """Schema rows of run.nc; `bonded`: of a scene with bonds."""
-
-    def series(
-        name: str, units: str, long_name: str, dtype: str = "f64", dims: tuple[str, ...] = ("time",)
-    ) -> Variable:
-        return Variable(name, dims, dtype, units, long_name)
-
     return [
         series(
             "shear_strain",
@@ -216,13 +216,7 @@ class ShearedLayer:
             return float(np.mean([s[name] for s in samples]))
 
         stress = np.mean([s["stress"] for s in samples], axis=0)
-        # Stress on the top platen from its sums over every step since the last row.
-        steps = max(1, sim.step - self._mark_step)
-        contact = (now["force_sum"] - self._mark["force_sum"])[1] / steps / self.area
-        square = (now["force_square_sum"] - self._mark["force_square_sum"])[1, 1] / steps
-        mean_square = square / self.area**2
-        off_target = mean_square - 2 * self.target * contact[1] + self.target**2  # mean of (stress - target)^2
-        self._mark_step, self._mark = sim.step, now
+        contact, off_target = self._platen_stress(now)
         works = self._works()
         self.throughput += float(np.abs(works - self._work_mark).sum())
         self._work_mark = works
@@ -238,7 +232,7 @@ class ShearedLayer:
             "normal_stress": normal,
             "platen_shear_stress": -float(contact[0]),
             "platen_normal_stress": float(contact[1]),
-            "platen_normal_rms": float(np.sqrt(max(0.0, off_target))),
+            "platen_normal_rms": off_target,
             "layer_thickness": mean("thickness"),
             "porosity": 1.0 - self.solid_volume / (self.area * mean("thickness")),
             "plate_velocity": last["shear_velocity"],
@@ -264,6 +258,19 @@ class ShearedLayer:
         samples.clear()
         self._check_balance()
         return row
+
+    def _platen_stress(self, now: Mapping[Any, npt.NDArray]) -> tuple[npt.NDArray, float]:
+        """Stress (dim,) on the top platen and root mean square of its normal component off the target [Pa].
+
+        Both over every step since the last row, from sums that the platens add up in each step.
+        """
+        steps = max(1, self.sim.step - self._mark_step)
+        contact = (now["force_sum"] - self._mark["force_sum"])[1] / steps / self.area
+        square = (now["force_square_sum"] - self._mark["force_square_sum"])[1, 1] / steps
+        mean_square = square / self.area**2
+        off_target = mean_square - 2 * self.target * contact[1] + self.target**2  # mean of (stress - target)^2
+        self._mark_step, self._mark = self.sim.step, now
+        return contact, float(np.sqrt(max(0.0, off_target)))
 
     def _check_balance(self) -> None:
         settled = self.throughput > SETTLED * self._elastic
