@@ -152,7 +152,7 @@ class RateAndStateFriction(Effect):
         """(xi/size, new state, ln(V/V_0)) of a spring of trial length `size` [m]; limit = a F_n/k_t [m].
 
         Newton's method for the logarithm of z(y) + V_0 dt e^y/limit = q, where z = mu/a and q = size/limit. It keeps a
-        bracket, for where b > a the state may make the left side fall with y; a step that leaves it is halved.
+        bracket, for where b > a the state may make the left side fall with y; a step that leaves it goes to its middle.
         """
         q = size / limit
         rate, r = self.V_0_[0] * dt / limit, self.V_0_[0] * dt / self.D_c_[0]
