@@ -14,22 +14,29 @@ history         `HistoryValue`s kept per contact, zero in a new contact; may dep
 needs           Names of optional inputs of a contact that this effect reads; see `OPTIONAL`.
 adds_moment     True if it adds to `contact.contact_moment`.
 role            A scene may list one effect of each role, such as "friction"; "" if it may stand beside others.
-dissipates      True if it returns dissipated energy: it gets a column of that energy in every file.
+dissipates      True if it dissipates energy: it gets a channel of its own in the energy budget and in files.
 variant         Names the branch that is compiled in: values of another variant cannot be loaded into a compiled run.
 equation        The force law on one line, for `lsm list --effects`.
 
 Hooks on the host
 -----------------
-parameters()                            {name: value}: become fields `self.<name>_`, read in kernels as
-                                        `self.<name>_[0]`; one compilation serves all values.
-normal_stiffness()                      Stiffness along the normal [N m-1].
-stiffness_per_radius()                  Stiffness over the radius sqrt(R d) of the contact [N m-2].
-stable_dt(bodies)                       Largest stable time step of this effect alone [s]; `bodies`: see `Bodies`.
-reach()                                 Distance of the surfaces up to which it acts [m]; 0: they must touch.
-check(scene)                            Raises `InputError` if it makes no sense in the scene.
-bond_stiffness(radius, length, depth)   (m, 4) stiffness numbers of m bonds (phase "bond").
-bond_strength(radius, depth)            (m, 4) strength numbers of m bonds (phase "bond").
-cases()                                 Classmethod: instances that the contract tests try.
+check(scene)
+    When a scene is made. Raises `InputError` if the effect makes no sense in it; `scene`: see `SceneFacts`.
+stable_dt(bodies) -> largest stable time step of this effect alone [s]
+    When a scene chooses or checks its time step; `bodies`: see `Bodies`. Infinite if the effect does not bound it.
+normal_stiffness() -> stiffness along the normal [N m-1]
+stiffness_per_radius() -> stiffness over the radius sqrt(R d) of the contact [N m-2]
+    Likewise; effects that repel give one of the two, and dashpots read their sum in `bodies`.
+reach() -> distance of the surfaces up to which the effect acts [m]
+    When a scene is made and when neighbours are searched; 0: the surfaces must touch.
+parameters() -> {name: value}
+    When a simulation is made or reset. The values become fields `self.<name>_`, read in kernels as `self.<name>_[0]`;
+    one compilation serves all values.
+bond_stiffness(radius, length, depth) -> stiffness numbers (m, 4) of m bonds
+bond_strength(radius, depth) -> strength numbers (m, 4) of m bonds
+    Phase "bond"; when a simulation is made. Arguments: see `elastic_brittle_bond.ElasticBrittleBond.bond_stiffness`.
+cases() -> instances that the contract tests try
+    Classmethod; tests and `lsm list --effects`.
 
 Hooks in kernels (`@ti.func`)
 -----------------------------
@@ -48,7 +55,8 @@ grain_energy(inverse_mass, position) -> potential energy [J]
     Phase "body"; whenever energies are measured; position [m], world frame.
 on_velocity(before, after, dt) -> value in place of `after`
     Phase "motion"; after the kick of every step, for the velocity [m s-1] and the angular velocity [rad s-1] (of grains
-    that tumble in 3D, the angular momentum) of a mobile grain before and after the kick.
+    that tumble in 3D, the angular momentum) of a mobile grain before and after the kick; dt [s] is the time step. What
+    it takes from the kinetic energy is added to its dissipated energy by the integrator.
 on_bond(u, rotation, e_k, e_l, stiffness) -> force on l [N], moment on k, moment on l [N m]
     Phase "bond"; once per step and intact bond. Arguments: see `elastic_brittle_bond.bond_energy`.
 bond_energy(u, rotation, e_k, e_l, stiffness) -> energy of the bond [J]
