@@ -16,3 +16,23 @@ class SimulationError(RuntimeError):
 
 class InputError(ValueError):
     """The description of a run is wrong or contradicts itself; nothing was computed."""
+
+
+def require(condition: object, owner: object, field: str, value: object, allowed: str) -> None:
+    """Raise InputError unless the value of a field is allowed.
+
+    Parameters
+    ----------
+    condition
+        True if the value is allowed.
+    owner
+        Effect or drive that the value was given to; the message names its class.
+    field
+        Name of the field.
+    value
+        What was given.
+    allowed
+        What the field must be, for example "> 0 Pa".
+    """
+    if not condition:
+        raise InputError(f"{type(owner).__name__}.{field} = {value!r}: must be {allowed}")

@@ -52,7 +52,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.errors import require
 from ..core.runtime import current, ti, when_allocated
 
 PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond")
@@ -199,12 +199,6 @@ class Effect:
 def effect_name(cls):
     """CoulombFriction -> coulomb_friction."""
     return "".join(("_" if i and c.isupper() else "") + c.lower() for i, c in enumerate(cls.__name__))
-
-
-def require(condition, effect, field, value, allowed):
-    """Raise InputError naming the law's field, its value and what is allowed."""
-    if not condition:
-        raise InputError(f"{type(effect).__name__}.{field} = {value!r}: must be {allowed}")
 
 
 def check_elastic_constants(effect):
