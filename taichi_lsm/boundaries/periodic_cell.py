@@ -125,7 +125,7 @@ class Domain:
                 d[axis] -= self.length[axis] * nearest_integer(d[axis] * self.inverse_length[axis])
         return d
 
-    def apart(self, x_k: NDArray, x_l: NDArray) -> NDArray:
+    def displacement_on_host(self, x_k: NDArray, x_l: NDArray) -> NDArray:
         """`displacement` on the host: vector (dim,) [m] from x_k to the nearest image of x_l."""
         d = x_l - x_k
         if self.sheared:

@@ -7,7 +7,7 @@ from ..core.rotation import rotate, unrotate
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
 from .error_flags import OVERLAP
-from .feature_pairs import around, core_point, stationary_normal
+from .feature_pairs import across_axis, core_point, stationary_normal
 from .primitives import SPHERE_OVERLAP_LIMIT
 
 PART_ROWS = [
@@ -262,7 +262,7 @@ class PolyhedronContact:
         """Second derivatives (tt, ts, ss) [m] of a feature's support function along the tangents t and s of n."""
         tt, ts, ss = core, 0.0 * core, core
         if rho > 0.0:
-            e, q = around(n, axis)
+            e, q = across_axis(n, axis)
             z = axis.cross(e)
             z_t, z_s = z.dot(t), z.dot(s)
             tt += rho / q * z_t * z_t
