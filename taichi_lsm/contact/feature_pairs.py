@@ -8,6 +8,8 @@ one line along n. `w` is the vector from the centre of the feature of A to that 
 
 from ..core.runtime import ti
 
+LONGEST_STEP = 0.7  # of Newton's method on the unit sphere: 35 degrees, so that n stays in its hemisphere
+LEAST_CURVATURE = 1e-3  # of the sizes: keeps the Hessian positive definite where the depth approaches zero
 RING_ITERATIONS = 12  # of Newton's method for two circles; it converges in three or four from the last normal
 
 
@@ -61,13 +63,13 @@ def ring_towards_ring(w, a, rho_a, b, rho_b, n, tolerance):
             s = n.cross(t)
             t_b = b.cross(e_b)
             c, z = t_b.dot(t), t_b.dot(s)
-            # Hessian, kept positive definite by a least share of the size where f approaches zero.
-            gap = ti.max(-f, 1e-3 * (rho_a + rho_b))
+            # Hessian of f on the sphere.
+            gap = ti.max(-f, LEAST_CURVATURE * (rho_a + rho_b))
             k_b = rho_b / q_b
             h_tt = rho_a / q_a + k_b * c * c + gap
             h_ts = k_b * c * z
             h_ss = k_b * z * z + gap
-            # Newton step by Cramer's rule, at most 0.7 long: 35 degrees, so that n does not leave the hemisphere.
+            # Newton step by Cramer's rule, shortened if it is too long to be trusted.
             g_t, g_s = g.dot(t), g.dot(s)
             det = h_tt * h_ss - h_ts * h_ts
             d_t = (h_ts * g_s - h_ss * g_t) / det
@@ -75,7 +77,7 @@ def ring_towards_ring(w, a, rho_a, b, rho_b, n, tolerance):
             size = ti.sqrt(d_t * d_t + d_s * d_s)
             if size < tolerance:
                 found = ti.select(f < 0.0, 1, 2)
-            shorten = ti.min(1.0, 0.7 / ti.max(size, 1e-30))
+            shorten = ti.min(1.0, LONGEST_STEP / ti.max(size, 1e-30))
             n = (n + shorten * (d_t * t + d_s * s)).normalized()
     return n, ti.select(found == 1, 1, 0)
 
@@ -98,3 +100,16 @@ def stationary_normal(w, a, rho_a, b, rho_b, n, tolerance):
     else:
         n, found = ring_towards_ring(w, a, rho_a, b, rho_b, n, tolerance)
     return n, found
+
+
+@ti.func
+def contact_along(n, c_a, axis_a, rho_a, r_a, c_b, axis_b, rho_b, r_b):
+    """Depth h_A(n) + h_B(-n) [m] along n, and the points x_A and x_B [m] of the features with the normals n and -n.
+
+    Each feature is given by its centre c, the unit axis and radius rho of its circle, and the radius r of its ball or
+    tube, in one frame. x = c + core_point + r n is the point of the feature farthest along n, so that h(n) = n . x and
+    depth = n . (x_A - x_B), whose gradient with respect to n is x_A - x_B.
+    """
+    x_a = c_a + core_point(n, axis_a, rho_a) + r_a * n
+    x_b = c_b + core_point(-n, axis_b, rho_b) - r_b * n
+    return (x_a - x_b).dot(n), x_a, x_b

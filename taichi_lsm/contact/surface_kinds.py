@@ -5,8 +5,8 @@ from typing import Any
 
 from ..core.errors import InputError
 from .arc_chains import ChainTable
-from .ball_polyhedra import PolyhedronTable
 from .cone_patches import ConeTable
+from .polyhedron_table import PolyhedronTable
 
 TABLES = {"chain": ChainTable, "polyhedron": PolyhedronTable, "cones": ConeTable}
 CURVED = ("sphere", "chain")  # kinds with one radius of curvature at every contact

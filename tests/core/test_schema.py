@@ -8,13 +8,13 @@ from taichi_lsm.contact import (
     arc_chains as chains,
 )
 from taichi_lsm.contact import (
-    ball_polyhedra as polyhedra,
-)
-from taichi_lsm.contact import (
     cone_patches as cones,
 )
 from taichi_lsm.contact import (
     part_table as parts,
+)
+from taichi_lsm.contact import (
+    polyhedron_table as polyhedra,
 )
 from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.schema import DTYPES, Variable
