@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.errors import require
+from ..core.errors import finite, require
 from ..core.runtime import ti
 
 VALUES = 4  # numbers per driven axis in the parameter field
@@ -56,8 +56,9 @@ class ConstantVelocity:
     acceleration: float = np.inf
 
     def __post_init__(self) -> None:
-        require(np.isfinite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
-        require(self.acceleration > 0, self, "acceleration", self.acceleration, "> 0 m/s2")
+        require(finite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
+        rate = self.acceleration
+        require(rate == np.inf or (finite(rate) and rate > 0), self, "acceleration", rate, "> 0 m/s2")
 
     def values(self, area: float) -> tuple[float, ...]:
         """Numbers that the kernel reads: velocity [m s-1] and acceleration [m s-2]."""
@@ -105,10 +106,10 @@ class SpringLoadPoint:
     inertia: float
 
     def __post_init__(self) -> None:
-        require(np.isfinite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
+        require(finite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
         for name, unit in (("stiffness", "N/m"), ("inertia", "kg")):
             value = getattr(self, name)
-            require(np.isfinite(value) and value > 0, self, name, value, f"> 0 {unit}")
+            require(finite(value) and value > 0, self, name, value, f"> 0 {unit}")
 
     def check_step(self, dt: float) -> None:
         """Raise InputError unless the time step dt [s] resolves the platen on its spring.
@@ -168,11 +169,11 @@ class ServoStress:
     damping_ratio: float = 0.2
 
     def __post_init__(self) -> None:
-        require(np.isfinite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
+        require(finite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
         require(self.outward in (-1, 1), self, "outward", self.outward, "-1 or 1")
         for name in ("stiffness", "inertia", "speed_limit", "damping_ratio"):
             value = getattr(self, name)
-            require(np.isfinite(value) and value > 0, self, name, value, "> 0")
+            require(finite(value) and value > 0, self, name, value, "> 0")
 
     def values(self, area: float) -> tuple[float, ...]:
         """Numbers that the kernel reads: force of the stress [N], drag C [kg s-1], speed limit [m s-1] and mass [kg].

@@ -6,7 +6,7 @@ A platen does not rotate. Each of its axes is driven by one of `Fixed`, `Constan
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,10 @@ class Platens:
         for p in platens:
             if len(p.drives) != self.dim:
                 raise InputError(f"platen {p.name!r}: {len(p.drives)} drives, must be one per axis ({self.dim})")
+            wrong = [drive for drive in p.drives if not (hasattr(drive, "kick") or hasattr(drive, "pull"))]
+            if wrong:
+                kinds = [kind.__name__ for kind in get_args(Drive)]
+                raise InputError(f"platen {p.name!r}: drive {wrong[0]!r}, must be one of {kinds}")
         glued = [np.flatnonzero(member == p) for p in range(self.count)]
         for p, ids in zip(platens, glued, strict=True):
             if len(ids) == 0:

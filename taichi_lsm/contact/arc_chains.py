@@ -102,6 +102,7 @@ class ChainContact:
         g, t = self.grains, self.table
         row_i, row_j = t.first_row[a] + i, t.first_row[b] + j
         q_k, q_l = ti.cast(q_k, self.real), ti.cast(q_l, self.real)
+        # Centre of the first circle and vector from it to that of the second, Eq. (19); then two circles touch.
         p_i = rotate(q_k, t.centre[row_i]) * g.diameter[k]
         w = d + rotate(q_l, t.centre[row_j]) * g.diameter[l] - p_i
         r_i, r_j = t.patch_radius[row_i] * g.diameter[k], t.patch_radius[row_j] * g.diameter[l]
@@ -160,6 +161,7 @@ class ChainContact:
         most_steps = n_i + n_j
         steps = 0
         while steps < most_steps:
+            # On which side, and how far, the normal leaves either arc; a full circle holds every normal.
             step_i, step_j = 0, 0
             far_i, far_j = 0.0 * depth, 0.0 * depth
             if n_i > 1:
@@ -174,9 +176,11 @@ class ChainContact:
                 j = (j + step_j + n_j) % n_j
             steps += 1
             x, depth, n, u_k, u_l = self.contact_now(a, b, k, l, i, j, d)
+        # No end of the walk, or arcs that face each other on the far sides: try all pairs.
         if steps == most_steps or depth >= limit:
             i, j = self.least_violation(a, b, k, l, d, limit)
             x, depth, n, u_k, u_l = self.contact_now(a, b, k, l, i, j, d)
+        # Two full circles face each other at any depth; nearly concentric ones have no normal.
         if n_i + n_j == 2 and depth >= SPHERE_OVERLAP_LIMIT * limit:
             self.error_flags.report(OVERLAP, g.id[k], g.id[l])
         if i != feature[0] or j != feature[1]:
@@ -193,6 +197,7 @@ class ChainContact:
         time = 0.0 * rate
         if t.patches[a] > 1:
             row = t.first_row[a] + i
+            # It can have left only over the seam towards which it rotates.
             step, _ = cone_step(u, t.seam[row], t.seam[row + 1])
             if step < 0 and rate < 0.0:
                 time = cross2(t.seam[row], u) / rate

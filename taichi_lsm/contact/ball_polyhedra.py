@@ -74,6 +74,7 @@ class PolyhedronContact:
             n = d.normalized()
             i, j = t.feature_of(a, unrotate(q_k, n), 0), t.feature_of(b, -unrotate(q_l, n), 0)
         facing, depth, n, x_i, x_j, i, j = self.walk_features(a, b, k, l, d, q_k, q_l, n, i, j)
+        # The walk found nothing, or a pair on the far sides: descend from the line of centres.
         if facing == 0 or depth >= limit:
             n, i, j = self.descent.minimise(a, b, k, l, d, i, j)
             c_i, axis_i, rho_i, r_i = t.feature_placement(a, i, q_k, g.diameter[k])
@@ -104,6 +105,7 @@ class PolyhedronContact:
             w = d + c_j - c_i
             m, found = stationary_normal(w, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)
             tries = ti.select(found == 1, tries + 1, PAIR_WALK)
+            # The stationary normal is the minimum if both cones hold it; else cross the bound it exceeds most.
             if found == 1:
                 n = m
                 miss_i, beyond_i = t.worst_bound(a, i, unrotate(q_k, n))

@@ -73,6 +73,7 @@ class NeighbourSearch:
         d = self.domain.displacement(g.position[k], g.position[l])
         reach = ti.cast(g.radius[k] + g.radius[l], ti.f64)
         near = ti.cast(d.dot(d) < (reach + self.skin[None]) ** 2, ti.i32) & ti.cast(g.id[l] > g.id[k], ti.i32)
+        # Corrections after the fact, for the few pairs that are near: glued grains, bonded grains.
         if g.platen_index[k] >= 0:
             if near == 1 and g.platen_index[l] >= 0:
                 near = 0

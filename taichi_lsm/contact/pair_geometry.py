@@ -86,6 +86,7 @@ class PairGeometry:
         """Velocity [m s-1] of the centre of the nearest image of grain l relative to that of grain k."""
         g = self.grains
         v = g.velocity[l] - g.velocity[k]
+        # An image across a sheared border moves with the flow of its own layer of cells.
         if ti.static(self.spec.sheared):
             v[0] -= self.domain.border_speed(g.position[k], g.position[l])
         return ti.cast(v, self.real)
@@ -115,6 +116,7 @@ class PairGeometry:
         """
         g = self.grains
         near = d.dot(d) < (g.radius[k] + g.radius[l] - self.least_depth()) ** 2
+        # Parts: by their own bounding balls, as those of the grains overlap for many pairs of parts that are apart.
         if ti.static(self.spec.multi_part):
             code = self.pairs.part_code[s]
             near = self.parts.gap(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()

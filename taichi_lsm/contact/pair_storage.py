@@ -95,11 +95,13 @@ class Pairs:
         spec, dim = self.spec, self.spec.dim
         saved = {"second_id", "part_code", "status", "feature", "free_until"}
         self.saved = [v for v in self.variables if v.name in saved]
+        # Components that need a place, and those of forces and torques that are free during a rebuild.
         stashed = [("normal", c) for c in range(dim if spec.remembers_normal else 0)]
         stashed += [("history", c) for c in range(spec.history)]
         free = [("pair_force", c) for c in range(dim)]
         free += [("pair_torque", c) for c in range(rotation_size(dim) if spec.rotates else 0)]
         places = [(getattr(self, name), c) for name, c in free[: len(stashed)]]
+        # What does not fit gets a field of its own.
         lacking = len(stashed) - len(places)
         if lacking > 0:
             self.sizes["spare"] = lacking
@@ -119,6 +121,7 @@ class Pairs:
     @ti.func
     def rank(self, o, s):
         """Order of old slot o relative to slot s of the same row: -1 before, 0 the same pair, 1 after."""
+        # Rows rise in the id of the second grain, and among pairs of the same grains in the part.
         result = ti.select(self.old.second_id[o] < self.second_id[s], -1, 1)
         if self.old.second_id[o] == self.second_id[s]:
             result = 0

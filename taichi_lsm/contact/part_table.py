@@ -60,6 +60,7 @@ class PartTable:
         """
         g = self.grains
         i, j = self.first_row[g.shape_index[k]] + a, self.first_row[g.shape_index[l]] + b
+        # Centres of the balls relative to their grains, world frame.
         c_i = rotate(ti.cast(g.orientation[k], self.real), self.centre[i]) * g.diameter[k]
         c_j = rotate(ti.cast(g.orientation[l], self.real), self.centre[j]) * g.diameter[l]
         return (d + c_j - c_i).norm() - self.bound[i] * g.diameter[k] - self.bound[j] * g.diameter[l]

@@ -1,5 +1,8 @@
 """The errors that a caller is expected to catch."""
 
+import math
+from typing import Any
+
 
 class SimulationError(RuntimeError):
     """A run could not be completed: it diverged, overflowed a table or lost a grain.
@@ -36,3 +39,11 @@ def require(condition: object, owner: object, field: str, value: object, allowed
     """
     if not condition:
         raise InputError(f"{type(owner).__name__}.{field} = {value!r}: must be {allowed}")
+
+
+def finite(value: Any) -> bool:
+    """Whether `value` is one finite number; False for text, None and arrays too."""
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False
