@@ -148,7 +148,7 @@ class NeighbourSearch:
     def insert(self, s, found, k, l, code, p: ti.template()):
         """Put grain l into the row that begins at slot s and holds `found` pairs, in the order of ids and parts."""
         g = self.grains
-        # Insertion sort: rows are short and nearly in order.
+        # Insertion sort: a row holds few pairs.
         at = s + found
         while at > s and p.second_id[at - 1] > g.id[l]:
             p.second_id[at] = p.second_id[at - 1]
