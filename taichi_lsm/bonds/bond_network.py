@@ -1,8 +1,10 @@
-"""Bonds between grains: what they store, how they are evaluated, and the fragments that intact ones hold together.
+"""Bonds between grains: what they store, how they are evaluated, and the contacts that begin when one breaks.
 
-A bond belongs to its grain of lower id, which evaluates it; both grains then gather its force in a fixed order, by the
-persistent ids, so that the bits depend neither on threads nor on where the grains lie in memory.
+A bond belongs to its grain of lower id, which evaluates it; both grains then sum the forces of their bonds in a fixed
+order, by persistent ids, so that the bits depend neither on threads nor on where the grains lie in memory.
 """
+
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +22,19 @@ BOND_ROWS = (
     Variable("force", ("bond", "space"), "f64", "N", "force of the bond on the second grain", True),
     Variable("torque_first", ("bond", "rotation"), "f64", "N m", "torque of the bond on the first grain", True),
     Variable("torque_second", ("bond", "rotation"), "f64", "N m", "torque of the bond on the second grain", True),
-    Variable("contact_gain", ("bond",), "f64", "J", "elastic energy of the contact that its breaking set free", True),
+    Variable(
+        "contact_gain", ("bond",), "f64", "J", "elastic energy of the contact that began when the bond broke", True
+    ),
     Variable("freed", ("bond",), "i32", "1", "1 if it broke in the present step", True),
     Variable("anchor_first", ("bond", "space"), "f64", "m", "middle of the bond, in the frame of the first grain"),
     Variable("anchor_second", ("bond", "space"), "f64", "m", "middle of the bond, in the frame of the second grain"),
-    Variable("rest_orientation", ("bond", "orientation"), "f64", "1", "first grain against the second at the start"),
+    Variable(
+        "rest_orientation",
+        ("bond", "orientation"),
+        "f64",
+        "1",
+        "orientation of the first grain relative to the second at the start",
+    ),
     Variable("stiffness", ("bond", "four"), "f64", "1", "of tension, shear [N m-1], bending and torsion [N m]"),
     Variable("strength", ("bond", "four"), "f64", "1", "in tension, shear [N], bending and torsion [N m]"),
 )
@@ -34,11 +44,26 @@ BOND_ROWS = (
 class Bonds:
     """The bonds of a simulation, sorted by the lower, then the higher id; the fields of BOND_ROWS are attributes.
 
-    Bonds `first_bond[i]` to `first_bond[i + 1]` are led by grain i, the one of lower id; `ends` lists those of every
-    grain.
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    scene : Scene
+        Scene with bonds.
+    effect : Effect
+        The effect that acts in bonds.
+    grains
+        State of the grains.
+    domain : Domain
+        The cell.
+
+    Notes
+    -----
+    Bonds first_bond[i] to first_bond[i + 1] belong to the grain of id i, the one of lower id. The bonds of every grain,
+    as first or second, are ends[end_start[i]] to ends[end_start[i + 1]].
     """
 
-    def __init__(self, spec, scene, effect, grains, domain):
+    def __init__(self, spec: Any, scene: Any, effect: Any, grains: Any, domain: Any) -> None:
         self.spec = spec
         self.effect, self.grains, self.domain, self.dim = effect, grains, domain, grains.dim
         self.count = len(scene.bonds)
@@ -59,13 +84,17 @@ class Bonds:
         self.channel = spec.channels - 1  # column of `dissipated`: that of bonds is the last one
         when_allocated(lambda: self.fill(scene))
 
-    def fill(self, scene):
-        """Write the reference placement, stiffness and strength of the bonds of `scene`, all of them intact."""
+    def fill(self, scene: Any) -> None:
+        """Write the bonds of `scene`, all of them intact, with the present placement of the grains as reference.
+
+        Raises InputError if two bonded grains lie on each other.
+        """
         first, second = scene.bonds.T
         capacity = len(self.first_bond.to_numpy()) - 1
         self.first_id.from_numpy(first)
         self.second_id.from_numpy(second)
         self.first_bond.from_numpy(np.searchsorted(first, np.arange(capacity + 1)).astype(np.int32))
+        # Ends of the bonds by grain, those of one grain in the order of the bonds.
         grain = np.concatenate([first, second])
         order = np.lexsort([np.tile(np.arange(self.count), 2), grain])
         self.ends.from_numpy((order % self.count).astype(np.int32))
@@ -78,11 +107,14 @@ class Bonds:
             row.fill(0)
         self.broke[None] = 0
         self.anchor_first.from_numpy(bond_branches(scene))
-        self._refer()
+        self._set_reference()
 
     @ti.kernel
-    def _refer(self):
-        """Take the present placement as the one without stress; `anchor_first` holds the branches."""
+    def _set_reference(self):
+        """Take the present placement as the one without stress; `anchor_first` holds the branch vectors [m].
+
+        The anchor is the middle of the bond, in the body frame of either grain; q_l^-1 q_k is the relative orientation.
+        """
         g = self.grains
         ti.loop_config(serialize=True)
         for b in range(self.count):
@@ -94,7 +126,7 @@ class Bonds:
 
     @ti.func
     def joined(self, i, j):
-        """1 if an intact bond joins the grains of ids i < j, else 0."""
+        """1 if an intact bond joins the grains of the ids i < j, else 0."""
         result = 0
         for b in range(self.first_bond[i], self.first_bond[i + 1]):
             if self.second_id[b] == j:
@@ -103,22 +135,27 @@ class Bonds:
 
     @ti.func
     def kinematics(self, b):
-        """(distance of the ends u [m], turn of second grain against first, axis as each carries it, arms [m])."""
+        """Kinematics of bond b: u [m], relative rotation, axes e_k and e_l, arms of k and l [m]; world frame.
+
+        u = d + arm_l - arm_k is the vector between both images of the middle of the bond, zero at the start; the
+        rotation is that of the second grain relative to the first since the start, q_l (q_l0^-1 q_k0) q_k^-1; e_k and
+        e_l are the unit axis of the bond as each grain carries it; the arms run from the centres to the middle.
+        """
         g = self.grains
         k, l = g.slot_of[self.first_id[b]], g.slot_of[self.second_id[b]]
         arm_k = rotate(g.orientation[k], self.anchor_first[b])
         arm_l = rotate(g.orientation[l], self.anchor_second[b])
         u = self.domain.displacement(g.position[k], g.position[l]) + arm_l - arm_k
-        turn = product(g.orientation[l], product(self.rest_orientation[b], inverse(g.orientation[k])))
+        rotation = product(g.orientation[l], product(self.rest_orientation[b], inverse(g.orientation[k])))
         length = arm_k.norm()
-        return u, turn, arm_k / length, -arm_l / length, arm_k, arm_l
+        return u, rotation, arm_k / length, -arm_l / length, arm_k, arm_l
 
     @ti.func
     def evaluate(self, k):
-        """Forces of the bonds that grain k leads; returns 1 if one of them broke.
+        """Forces and torques of the bonds that belong to grain k; returns 1 if one of them broke.
 
-        A bond that breaks in a step acts through half of it, as the trapezoidal rule wants of a force that ends there:
-        so does its energy at this instant leave the budget, and nothing else.
+        A bond that breaks in a step acts through half of it: the trapezoidal rule then integrates a force that ends at
+        this instant, and the energy dissipated is exactly what the bond held.
         """
         g, broken = self.grains, 0
         i = g.id[k]
@@ -126,17 +163,18 @@ class Bonds:
             force = 0.0 * self.force[b]
             torque_k, torque_l = 0.0 * self.torque_first[b], 0.0 * self.torque_first[b]
             if self.intact[b] == 1:
-                u, turn, e_k, e_l, arm_k, arm_l = self.kinematics(b)
+                u, rotation, e_k, e_l, arm_k, arm_l = self.kinematics(b)
                 stiffness = self.stiffness[b]
-                force, torque_k, torque_l = self.effect.on_bond(u, turn, e_k, e_l, stiffness)
+                # Moments at the middle of the bond, moved to the centres of the grains.
+                force, torque_k, torque_l = self.effect.on_bond(u, rotation, e_k, e_l, stiffness)
                 torque_k -= torque_of(arm_k, force)
                 torque_l += torque_of(arm_l, force)
-                if self.effect.bond_use(u, turn, e_k, e_l, stiffness, self.strength[b]) > 1.0:
+                if self.effect.bond_use(u, rotation, e_k, e_l, stiffness, self.strength[b]) > 1.0:
                     broken = 1
                     self.intact[b], self.freed[b] = 0, 1
                     force, torque_k, torque_l = 0.5 * force, 0.5 * torque_k, 0.5 * torque_l
                     if ti.static(self.spec.tracks_dissipation):
-                        held = self.effect.bond_energy(u, turn, e_k, e_l, stiffness)
+                        held = self.effect.bond_energy(u, rotation, e_k, e_l, stiffness)
                         g.dissipated[k][self.channel] = g.dissipated[k][self.channel] + held
             self.force[b], self.torque_first[b], self.torque_second[b] = force, torque_k, torque_l
         if broken == 1:
@@ -145,7 +183,7 @@ class Bonds:
 
     @ti.func
     def total_load(self, i):
-        """(force [N], torque [N m]) of all bonds of the grain of id i, in the order of the bonds."""
+        """Force [N] and torque [N m] of all bonds on the grain of id i, in the order of the bonds; world frame."""
         force = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
         torque = ti.Vector([ti.cast(0.0, ti.f64)] * ti.static(rotation_size(self.dim)))
         for c in range(self.end_start[i], self.end_start[i + 1]):
@@ -163,27 +201,41 @@ class Bonds:
         """Elastic energy of bond b [J], 0 if it is broken."""
         result = ti.cast(0.0, ti.f64)
         if self.intact[b] == 1:
-            u, turn, e_k, e_l, arm_k, arm_l = self.kinematics(b)
-            result = self.effect.bond_energy(u, turn, e_k, e_l, self.stiffness[b])
+            u, rotation, e_k, e_l, arm_k, arm_l = self.kinematics(b)
+            result = self.effect.bond_energy(u, rotation, e_k, e_l, self.stiffness[b])
         return result
 
 
 @ti.data_oriented
 class FreedContacts:
-    """Contacts that begin because a bond broke, between grains that overlap by more than one step can bring about."""
+    """Contacts that begin because a bond broke, between grains that overlap by more than one step can bring about.
 
-    def __init__(self, bonds, forces):
+    Parameters
+    ----------
+    bonds : Bonds
+        The bonds of the simulation.
+    forces : ContactForces
+        Contacts of the simulation.
+
+    Notes
+    -----
+    Bonded grains have no contact. When their bond breaks, the elastic energy of the contact appears at once; it is
+    taken from the energy that the fracture dissipated, so that the budget stays closed.
+    """
+
+    def __init__(self, bonds: Bonds, forces: Any) -> None:
         self.bonds, self.forces, self.grains, self.pairs = bonds, forces, forces.grains, forces.pairs
         self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
 
-    def begin(self):
-        """After a rebuild, before its contacts: take the energy that appears from what the fracture has booked."""
+    def begin(self) -> None:
+        """Begin the contacts of broken bonds; between a rebuild of the list and the evaluation of its contacts."""
         if self.bonds.broke[None]:
-            self.settle()
+            self.begin_contacts()
             self.bonds.broke[None] = 0
 
     @ti.kernel
-    def settle(self):
+    def begin_contacts(self):
+        """Find the pairs of the bonds that broke in this step and subtract their elastic energy from what was lost."""
         g, bonds, pairs = self.grains, self.bonds, self.pairs
         ti.loop_config(serialize=True)
         for b in range(bonds.count):
@@ -201,7 +253,7 @@ class FreedContacts:
     def begin_contact(self, b, k, l, s):
         """Elastic energy [J] of the new contact in list slot s, which then counts as an old one: it has no onset.
 
-        Its force, too, acts through half of this step; the other half is taken back by that of the bond.
+        Its force acts through half of this step, too: the other half is subtracted from the force of the bond.
         """
         d = self.forces.geometry.shortest(k, l)
         depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)

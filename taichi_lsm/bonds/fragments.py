@@ -1,12 +1,23 @@
 """Fragments: the groups of grains that intact bonds join."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 
-def fragments(sim):
-    """Fragment (n,) of every grain, numbered from 0: grains that intact bonds join, directly or through others.
+def fragments(sim: Any) -> NDArray:
+    """Fragment of every grain: grains that intact bonds join, directly or through others, belong together.
 
-    sim: a simulation; in one without bonds every grain is a fragment of its own.
+    Parameters
+    ----------
+    sim : Simulation
+        A simulation; in one without bonds every grain is a fragment of its own.
+
+    Returns
+    -------
+    array (n,)
+        Number of the fragment of each grain, by persistent id, from 0 on.
     """
     from scipy.sparse import coo_array  # takes a while to load
     from scipy.sparse.csgraph import connected_components

@@ -1,6 +1,10 @@
 """The simulated cell: a box, periodic along some axes and open along the others, at rest or in homogeneous shear."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.runtime import ti, when_allocated
@@ -12,11 +16,24 @@ SHEAR_ROWS = [
 ]
 
 
-def check_box(lengths, periodic, largest_diameter, skin):
-    """Refuse a periodic axis on which a grain could meet its own image.
+def check_box(lengths: Sequence[float], periodic: Sequence[bool], largest_diameter: float, skin: float) -> None:
+    """Refuse a periodic axis on which a grain could touch its own image.
 
-    lengths [m], periodic (bool): one per axis; largest_diameter [m]: of the bounding circles; skin [m].
-    Raises InputError if a periodic length is below 2 (largest_diameter + skin).
+    Parameters
+    ----------
+    lengths
+        Lengths of the cell (dim,) [m].
+    periodic
+        Whether the cell is periodic along each axis (dim,).
+    largest_diameter
+        Greatest diameter of the bounding circles or spheres of the grains [m].
+    skin
+        Skin of the neighbour list [m].
+
+    Raises
+    ------
+    InputError
+        If a periodic length is below 2 (largest_diameter + skin).
     """
     for axis, (length, repeats) in enumerate(zip(lengths, periodic, strict=True)):
         least = 2.0 * (largest_diameter + skin)
@@ -35,12 +52,23 @@ def nearest_integer(a):
 class Domain:
     """Minimum-image geometry of the cell. Positions are never wrapped: wrapping would change their last bits.
 
-    In a sheared cell (shear_rate [s-1] not 0, Lees & Edwards 1972) the image above, at y + L_y, is shifted along x by
-    the strain times L_y and moves with shear_rate times L_y. As positions are not wrapped, velocities need no change
-    when a grain crosses the border: the mean flow is shear_rate times y everywhere.
+    Parameters
+    ----------
+    lengths
+        Lengths of the cell (dim,) [m]; those of open axes do not matter.
+    periodic
+        Whether the cell is periodic along each axis (dim,).
+    shear_rate
+        Rate of simple shear, du_x/dy of the mean flow [s-1]; 0 for a cell at rest.
+
+    Notes
+    -----
+    In a sheared cell (Lees & Edwards 1972) the image above, at y + L_y, is shifted along x by the strain times L_y and
+    moves with shear_rate times L_y. As positions are not wrapped, velocities need no change when a grain crosses the
+    border: the mean flow is shear_rate times y everywhere.
     """
 
-    def __init__(self, lengths, periodic, shear_rate=0.0):
+    def __init__(self, lengths: Sequence[float], periodic: Sequence[bool], shear_rate: float = 0.0) -> None:
         self.dim = len(lengths)
         self.sheared = shear_rate != 0.0
         self.periodic = tuple(bool(p) for p in periodic)
@@ -52,35 +80,44 @@ class Domain:
             self.widest = ti.field(ti.f64, 1)
         when_allocated(lambda: self.set_lengths(lengths))
 
-    def set_shear(self, shear_rate, widest, strain=0.0):
-        """Shear at this rate [s-1] from this strain on. widest [m]: greatest distance of centres at which grains act
-        on each other.
+    def set_shear(self, shear_rate: float, widest: float, strain: float = 0.0) -> None:
+        """Shear the cell from now on.
+
+        Parameters
+        ----------
+        shear_rate
+            Rate of simple shear [s-1].
+        widest
+            Greatest distance between the centres of two grains that act on each other [m].
+        strain
+            Shear strain so far [-].
         """
         self.shear_rate[0], self.widest[0], self.strain[0] = shear_rate, widest, strain
         shift = strain * self.length[1]
         self.tilt[0] = shift - self.length[0] * np.rint(shift * self.inverse_length[0])
 
-    def mean_flow(self, position):
-        """Velocity (n, dim) [m s-1] of the mean flow at these places (n, dim) [m]; 0 in a cell at rest."""
+    def mean_flow(self, position: NDArray) -> NDArray:
+        """Velocity (n, dim) [m s-1] of the mean flow at positions (n, dim) [m]; 0 in a cell at rest."""
         flow = np.zeros_like(position)
         if self.sheared:
             flow[:, 0] = self.shear_rate[0] * position[:, 1]
         return flow
 
-    def flow_over(self, skin):
-        """Greatest speed [m s-1] at which the mean flow parts two grains within each other's reach and `skin` [m]."""
+    def flow_over(self, skin: float) -> float:
+        """Greatest speed [m s-1] at which the mean flow separates two grains within reach plus `skin` [m]."""
         return abs(self.shear_rate[0]) * (self.widest[0] + skin) if self.sheared else 0.0
 
-    def set_lengths(self, lengths):
-        """Write the lengths of the cell [m]; those of open axes do not matter."""
+    def set_lengths(self, lengths: Sequence[float]) -> None:
+        """Write the lengths of the cell (dim,) [m]; those of open axes do not matter."""
         finite = np.where(self.periodic, lengths, 1.0).astype(float)
         for axis, length in enumerate(finite):  # each `from_numpy` would be a kernel to compile
             self.length[axis], self.inverse_length[axis] = length, 1.0 / length
 
     @ti.func
     def displacement(self, x_k, x_l):
-        """Vector from x_k to the nearest image of x_l [m]."""
+        """Vector (dim,) [m] from x_k to the nearest image of x_l, by the minimum-image convention."""
         d = x_l - x_k
+        # First the image across y, which is shifted along x; only then is the nearest image along x known.
         if ti.static(self.sheared):
             d[0] -= self.tilt[0] * self.borders(x_k, x_l)
         for axis in ti.static(range(self.dim)):
@@ -88,8 +125,8 @@ class Domain:
                 d[axis] -= self.length[axis] * nearest_integer(d[axis] * self.inverse_length[axis])
         return d
 
-    def apart(self, x_k, x_l):
-        """The same on the host, for one pair: (dim,) [m]."""
+    def displacement_on_host(self, x_k: NDArray, x_l: NDArray) -> NDArray:
+        """`displacement` on the host: vector (dim,) [m] from x_k to the nearest image of x_l."""
         d = x_l - x_k
         if self.sheared:
             d[0] -= self.tilt[0] * np.rint(d[1] * self.inverse_length[1])
@@ -99,37 +136,43 @@ class Domain:
 
     @ti.func
     def borders(self, x_k, x_l):
-        """Borders along y that lie between x_k and the image of x_l nearest to it, which is then x_l itself if 0."""
+        """Number of cell borders along y between x_l and the image of x_l nearest to x_k; 0 if that is x_l itself."""
         return nearest_integer((x_l[1] - x_k[1]) * self.inverse_length[1])
 
     @ti.func
     def border_speed(self, x_k, x_l):
-        """Speed along x [m s-1] of what is at x_l against its image nearest to x_k."""
+        """Velocity along x [m s-1] of a point at x_l relative to its image nearest to x_k."""
         return self.borders(x_k, x_l) * self.shear_rate[0] * self.length[1]
 
     @ti.func
     def note_strain(self):
-        """Before a launch: remember the strain since the list was built, for `displacement_in_flow`."""
+        """Store the strain between the last list and the start of a launch, for `displacement_in_flow`."""
         if ti.static(self.sheared):
             self.strain_before[0] = self.strain[0] - self.built_strain[0]
 
     @ti.func
     def shear(self, dt):
-        """Move the images by a step of dt [s]; they must not be read meanwhile."""
+        """Move the images by a step of dt [s]; other threads must not read them at the same time."""
+        # The tilt is the shift of the image above, reduced to at most half a cell length.
         self.strain[0] = self.strain[0] + self.shear_rate[0] * dt
         shift = self.strain[0] * self.length[1]
         self.tilt[0] = shift - self.length[0] * nearest_integer(shift * self.inverse_length[0])
 
     @ti.func
     def carried(self, v, x, dt):
-        """u_x u_y dt [m2 s-1] of a grain with velocity v that was at x a step ago, u its velocity in the mean flow."""
+        """u_x u_y dt [m2 s-1], u the velocity of a grain relative to the mean flow: its kinetic shear stress over m/V.
+
+        v [m s-1]: velocity of the grain; x [m]: its position a step of dt [s] ago.
+        """
         flow = self.shear_rate[0] * (x[1] + 0.5 * v[1] * dt)
         return (v[0] - flow) * v[1] * dt
 
     @ti.func
     def path_length(self, x, before, half_skin, dt):
-        """Upper bound of the path length of a grain in a step against the mean flow [m], and half of the displacement
-        by the flow of a listed neighbour against it.
+        """Upper bound [m] of what a grain adds in a step of dt [s] to the approach of two surfaces.
+
+        It is the path length relative to the mean flow, from `before` to x [m], plus half of the displacement by which
+        the flow moves a listed neighbour relative to the grain; half_skin [m] bounds how far that neighbour is.
         """
         displacement = x - before
         displacement[0] -= self.shear_rate[0] * before[1] * dt
@@ -137,10 +180,11 @@ class Domain:
 
     @ti.func
     def displacement_in_flow(self, displacement, built, half_skin, time):
-        """(displacement of a grain since the list was built less that of the mean flow, its upper bound) [m].
+        """Displacement of a grain since the list was built less that of the mean flow, and its upper bound [m].
 
-        displacement: with the flow; built: where it was then; time [s]: since the launch began, as the strain itself
-        may be changing. With e the strain and d the vector between two grains then, that vector now is d + e d_y along x plus
+        displacement [m]: with the flow; built [m]: position when the list was built; time [s]: since the launch began,
+        from which the strain is computed because another thread may be changing the stored one.
+        With e the strain since then and d the vector between two grains then, that vector now is d + e d_y along x plus
         the difference of their displacements, and |d_y| is at most `widest` plus both displacements if they touch.
         """
         strain = self.strain_before[0] + self.shear_rate[0] * time
@@ -149,33 +193,50 @@ class Domain:
 
     @ti.func
     def straightened(self, x):
-        """Position in the upright cell into which the sheared one is turned back [m], images along the axes."""
+        """Position [m] after the tilt of the sheared cell is undone: there all images lie along the axes."""
         result = x
         if ti.static(self.sheared):
             result[0] -= self.tilt[0] * self.inverse_length[1] * x[1]
         return result
 
-    def widening(self):
-        """How many times two points may lie farther apart along x in the upright cell than they are, at most."""
+    def widening(self) -> float:
+        """Greatest factor [-] by which `straightened` may stretch a distance along x.
+
+        The tilt is at most half a cell length L_x over the height L_y: |d_x + d_y L_x/(2 L_y)| <= |d| times the factor.
+        """
         return np.hypot(1.0, 0.5 * self.length[0] / self.length[1]) if self.sheared else 1.0
 
 
-def check_shear(scene):
-    """Raise InputError if the scene cannot be sheared homogeneously."""
+def check_shear(scene: Any) -> None:
+    """Refuse a scene that cannot be sheared homogeneously.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; without a shear rate it always passes.
+
+    Raises
+    ------
+    InputError
+        If the rate is not finite, the cell is not periodic along x and y, or the scene has platens, walls, effects or
+        an integrator that do not go with a mean flow.
+    """
     rate = scene.shear_rate
     if not rate:
         return
     if not np.isfinite(rate):
         raise InputError(f"Scene.shear_rate: {rate!r} s-1, must be a finite number")
     if not (scene.periodic[0] and scene.periodic[1]):
-        raise InputError(f"Scene.shear_rate: {rate:g} s-1 needs a cell that is periodic along x and y")
+        raise InputError(
+            f"Scene.shear_rate: {rate:g} s-1 needs a cell that is periodic along x and y; see Scene.periodic"
+        )
     for name in ("platens", "walls"):
         if getattr(scene, name):
             raise InputError(f"Scene.shear_rate: {rate:g} s-1 with {name}, which would not take part in the mean flow")
     wrong = [e.name for e in scene.effects if e.phase in ("body", "motion")]
     if wrong:
         raise InputError(f"Scene.shear_rate: {rate:g} s-1 with {wrong}, which would change the mean flow")
-    if not (scene.integrator.half_step):
+    if not scene.integrator.half_step:
         name = scene.integrator.__name__
         raise InputError(
             f"Scene.shear_rate: {rate:g} s-1 with {name}, which does not account for the work; must be a Verlet scheme"

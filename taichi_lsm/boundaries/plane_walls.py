@@ -4,9 +4,11 @@ A grain touches a wall with its deepest point. Whatever its shape that point is 
 as between two grains, the second of which has no curvature and cannot be moved.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..contact.error_flags import WALL
 from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
@@ -15,13 +17,14 @@ from ..core.fields import allocate
 from ..core.rotation import advanced_orientation, rotational_velocity, torque_of
 from ..core.runtime import current, ti, when_allocated
 from ..core.schema import Variable
+from .wall_setup import PlaneWall, as_vector
 
-BLOCK = 64  # ids that share a mark: only marked ones are looked through for the sums over a wall
+BLOCK = 64  # ids that share a mark: the sums over a wall visit only blocks that are marked
 WALL_ROWS = [
     Variable("point", ("wall", "space"), "f64", "m", "point of the wall at the start", True),
     Variable("normal", ("wall", "space"), "f64", "1", "unit normal of the wall, into the grains", True),
     Variable("velocity", ("wall", "space"), "f64", "m s-1", "velocity of the wall", True),
-    Variable("displacement", ("wall", "space"), "f64", "m", "way of the wall since the start", True),
+    Variable("displacement", ("wall", "space"), "f64", "m", "displacement of the wall since the start", True),
     Variable("force", ("wall", "space"), "f64", "N", "force of the grains on the wall", True),
     Variable("force_sum", ("wall", "space"), "f64", "N", "sum of that force over steps", True),
     Variable("work", ("wall",), "f64", "J", "work that moves the wall against the grains", True),
@@ -29,48 +32,8 @@ WALL_ROWS = [
 PUBLISHED = ("displacement", "velocity", "force", "force_sum", "work")
 
 
-@dataclass
-class PlaneWall:
-    """Half-space of infinite mass beyond a plane; `name` appears in files and errors.
-
-    point (dim,) [m]: on the plane at the start; normal (dim,): into the grains, of any length; velocity (dim,)
-    [m s-1] or 0: constant, along the plane it drags the grains. `Walls.set_velocity` changes it between runs.
-    """
-
-    name: str
-    point: tuple
-    normal: tuple
-    velocity: tuple | float = 0.0
-
-
-def check_walls(scene):
-    """Raise InputError if a wall makes no sense in the scene or a mobile grain starts beyond it."""
-    names = [wall.name for wall in scene.walls]
-    if len(set(names)) < len(names) or not all(names):
-        raise InputError(f"Scene.walls: names {names}, must be given and all different")
-    kinds = sorted({s.name for s in scene.shapes if s.kind == "cones" or len(s.parts) > 1})
-    if scene.walls and kinds:
-        raise InputError(f"Scene.walls: {kinds[0]!r} has several parts or general cones: no single deepest point")
-    for wall in scene.walls:
-        for name in ("point", "normal", "velocity"):
-            value = np.asarray(getattr(wall, name), float)
-            still = name == "velocity" and value.shape == () and value == 0.0
-            if not still and (value.shape != (scene.dim,) or not np.isfinite(value).all()):
-                given = getattr(wall, name)
-                raise InputError(f"wall {wall.name!r}: {name} = {given!r}, must be {scene.dim} finite numbers")
-        normal = np.asarray(wall.normal, float)
-        if not np.linalg.norm(normal) > 0.0:
-            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must not be zero")
-        if any(repeats and n != 0.0 for n, repeats in zip(normal, scene.periodic, strict=True)):
-            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along periodic axes")
-        height = (scene.position - np.asarray(wall.point, float)) @ normal
-        beyond = np.flatnonzero((height <= 0.0) & (scene.platen_index < 0))
-        if len(beyond):
-            raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it")
-
-
-def contact_rows(spec):
-    """Schema rows of a grain at a wall, by persistent id times the number of walls plus the wall."""
+def contact_rows(spec: Any) -> list[Variable]:
+    """Schema rows of a grain at a wall; row id * (number of walls) + wall, with the persistent id of the grain."""
     rows = [
         Variable("row_status", ("row",), "i8", "1", "as that of a pair of grains", True),
         Variable("row_force", ("row", "space"), "real", "N", "force on the wall", True),
@@ -84,12 +47,23 @@ def contact_rows(spec):
 
 @ti.data_oriented
 class Walls:
-    """State of all walls and of the grains at them.
+    """State of all walls and of the contacts of grains with them.
 
-    The rows of the grains go by id: they stay where they are when slots are re-sorted.
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    walls : sequence of PlaneWall
+        The walls at the start.
+    grains
+        State of the grains.
+
+    Notes
+    -----
+    The rows of the contacts go by persistent id: they stay in place when the slots of the grains are sorted anew.
     """
 
-    def __init__(self, spec, walls, grains):
+    def __init__(self, spec: Any, walls: Sequence[PlaneWall], grains: Any) -> None:
         self.spec = spec
         self.names = [wall.name for wall in walls]
         self.count, self.dim, self.real = len(walls), grains.dim, current().real
@@ -101,36 +75,67 @@ class Walls:
         self.marked = ti.field(ti.i32, capacity // BLOCK + 1)
         when_allocated(lambda: self._place(walls))
 
-    def begin(self, walls):
-        """Place the walls and forget all contacts. walls: PlaneWalls of the same names as at the start."""
+    def begin(self, walls: Sequence[PlaneWall]) -> None:
+        """Start again: put the walls in place and clear all contacts.
+
+        Parameters
+        ----------
+        walls
+            Walls of the same names as at the start.
+
+        Raises
+        ------
+        InputError
+            If the names differ.
+        """
         if [wall.name for wall in walls] != self.names:
-            raise InputError(f"Scene.walls: {[wall.name for wall in walls]}, must be {self.names}")
+            raise InputError(f"Scene.walls: {[wall.name for wall in walls]}, must be {self.names} as at the start")
         for row in (*WALL_ROWS, *self.rows):
             getattr(self, row.name).fill(0)
         self._place(walls)
 
-    def _place(self, walls):
+    def _place(self, walls: Sequence[PlaneWall]) -> None:
+        """Write point, unit normal and velocity of each wall."""
         for w, wall in enumerate(walls):
             self.point[w] = np.asarray(wall.point, float)
             self.normal[w] = np.asarray(wall.normal, float) / np.linalg.norm(wall.normal)
             self.velocity[w] = np.broadcast_to(np.asarray(wall.velocity, float), self.dim)
 
-    def mark_all(self):
-        """Look for contacts everywhere at the next sum."""
+    def mark_all(self) -> None:
+        """Mark all blocks, so that the next sum visits every grain; for rows that were loaded from a file."""
         self.marked.fill(1)
 
-    def set_velocity(self, name, velocity):
-        """Change the velocity (dim,) [m s-1] of the wall of this name."""
-        value = np.asarray(velocity, float)
+    def set_velocity(self, name: str, velocity: ArrayLike) -> None:
+        """Change the velocity of a wall.
+
+        Parameters
+        ----------
+        name
+            Name of the wall.
+        velocity
+            New velocity (dim,) [m s-1], constant from now on.
+
+        Raises
+        ------
+        InputError
+            If there is no such wall or the velocity is not a finite vector.
+        """
+        value = as_vector(velocity)
         if name not in self.names:
-            raise InputError(f"wall {name!r}: there are {self.names}")
+            raise InputError(f"wall {name!r}: no such wall, must be one of {self.names}")
         if value.shape != (self.dim,) or not np.isfinite(value).all():
             raise InputError(f"wall {name!r}: velocity = {velocity!r}, must be {self.dim} finite numbers")
         self.velocity[self.names.index(name)] = value
 
-    def snapshot(self):
-        """{name: array (wall, ...)} of displacement [m], velocity [m s-1], force [N] of the grains, its sum over steps
-        [N], in which impulses count as force over dt, and work [J] of what moves the walls.
+    def snapshot(self) -> dict[str, NDArray]:
+        """State of the walls now.
+
+        Returns
+        -------
+        dict
+            Arrays (wall, dim): `displacement` [m], `velocity` [m s-1], `force` of the grains [N] and its sum over
+            steps, `force_sum` [N], in which impulses count as force over dt. Array (wall,): `work` of what moves the
+            walls [J].
         """
         return {name: np.array([getattr(self, name)[w] for w in range(self.count)]) for name in PUBLISHED}
 
@@ -144,8 +149,8 @@ class Walls:
     def gather(self, forces: ti.template(), dt):
         """Sum the forces on each wall in rising ids and add up the work of what moves it.
 
-        dt [s]: step that ended with these forces, 0 at the start of a run. The work is that of the mean force of the
-        step's two ends, as for the effects.
+        dt [s]: step that ended with these forces, 0 at the start of a run. The work is that of the trapezoidal rule,
+        W -= ((F_old + F_new) dt/2 + J) . V, with the impulses J at contacts that began or ended, as for the effects.
         """
         count = forces.grains.count[None]
         for w in range(self.count):
@@ -165,6 +170,7 @@ class Walls:
                 self.work[w] = self.work[w] - push.dot(self.velocity[w])
                 self.force_sum[w] = self.force_sum[w] + force + impulse / dt
             self.force[w] = force
+        # Contacts mark their block; a block in which no grain touches a wall any more loses its mark here.
         for block in range(count // BLOCK + 1):
             if self.marked[block]:
                 busy = 0
@@ -174,16 +180,21 @@ class Walls:
 
     @ti.func
     def height(self, w, x):
-        """Distance of the point x from wall w [m], negative beyond it."""
+        """Distance [m] of the point x [m] from the plane of wall w, negative beyond it."""
         return (x - self.point[w] - self.displacement[w]).dot(self.normal[w])
 
     @ti.func
     def contact(self, forces: ti.template(), k, w, dt):
-        """(contact of grain k with wall w as the effects see it, depth [m], negative if apart, arm [m], feature)."""
+        """Contact of grain k with wall w for the effects, its depth [m], arm [m] of the grain, and deepest feature.
+
+        The wall is the second body of the pair: the normal n points from the grain into the wall. The depth is
+        h(n) - z, h the support function of the grain and z the height of its centre; negative if they are apart.
+        """
         g = forces.grains
         n = -ti.cast(self.normal[w], self.real)
         feature, radius = 0, g.radius[k]
         point = radius * n
+        # Deepest point: that of the surface with the normal n, on the feature whose cone of normals holds n.
         if ti.static(self.spec.shaped):
             feature = forces.geometry.surface.feature_along(g.shape_index[k], k, n)
             point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, g.orientation[k], n)
@@ -194,7 +205,7 @@ class Walls:
         if ti.static(self.spec.rotates):
             omega = ti.cast(g.angular_velocity[k], self.real)
             v -= rotational_velocity(omega, arm)
-            if ti.static(self.dim == 3):
+            if ti.static(self.dim == 3):  # mean of the grain and the wall, which does not rotate
                 normal_angular_velocity = 0.5 * omega.dot(n)
         contact = forces.make_contact(v, n, depth, g.inverse_mass[k], normal_angular_velocity, dt)
         if ti.static("reduced_radius" in forces.needs):
@@ -205,18 +216,19 @@ class Walls:
 
     @ti.func
     def evaluate(self, forces: ti.template(), k, dt):
-        """Contacts of grain k with all walls, added to the sums of its row. Glued grains feel no walls."""
+        """Add the contacts of grain k with all walls to the sums of its row; glued grains do not touch walls."""
         g = forces.grains
         if g.platen_index[k] < 0:
             for w in range(self.count):
                 r = g.id[k] * self.count + w
+                # By the bounding sphere; a contact that ended in this step is evaluated once more.
                 near = self.height(w, g.position[k]) < g.radius[k] - forces.geometry.least_depth()
                 if near or self.row_status[r] != 0:
                     self.wall_contact(forces, k, w, r, dt)
 
     @ti.func
     def wall_contact(self, forces: ti.template(), k, w, r, dt):
-        """Force, torque and impulse of wall w on grain k, stored in row r as those on the wall."""
+        """Apply force, torque and impulse of wall w to grain k and store in row r those on the wall."""
         g = forces.grains
         contact, depth, arm, feature = self.contact(forces, k, w, dt)
         previous_status = ti.cast(self.row_status[r], ti.i32)
@@ -236,11 +248,13 @@ class Walls:
                 if ti.static(forces.adds_moment):
                     torque += contact.contact_moment
                 g.torque[k] = g.torque[k] - torque
+            # Bits of the status, as of a pair of grains.
             status = ti.select(contact.touching == 1, TOUCHING + SLIDING * contact.sliding, 0)
             if ti.static(self.spec.reaches):
                 status += ti.select(depth > least, ACTING, 0)
             if ti.static(self.spec.onset):
                 touching = ti.cast(contact.touching, ti.i32)
+                # A contact that began or ended inside the step: correct the trapezoidal rule by an impulse.
                 if touching != previous_status & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
                     inverse_effective_mass = forces.correction.mobility(k, torque_of(arm, contact.normal))
@@ -252,11 +266,11 @@ class Walls:
                         if ti.static(self.spec.has_angular_impulses):
                             g.angular_impulse[k] = g.angular_impulse[k] - torque_of(arm, size * contact.normal)
             self.row_status[r] = ti.cast(status, ti.i8)
-            self.marked[g.id[k] // BLOCK] = 1  # all threads write the same
+            self.marked[g.id[k] // BLOCK] = 1  # a benign race: every thread writes the same number
 
     @ti.func
     def apply(self, forces: ti.template(), contact: ti.template(), effect: ti.template(), k, r):
-        """Add one effect to the contact, with its history in row r, and what it dissipates to its channel."""
+        """Add one effect to the contact, its history in row r, and the energy that it dissipates to its channel."""
         g = forces.grains
         lost = 0.0 * contact.depth
         if ti.static(effect.history_size(self.dim) > 0):
@@ -273,13 +287,13 @@ class Walls:
 
     @ti.func
     def history_of(self, forces: ti.template(), effect: ti.template(), r):
-        """The effect's own values of row r."""
+        """Values of row r that belong to the history of one effect."""
         begin, size = ti.static(forces.history_slice(effect))
         return ti.Vector([self.row_history[r][begin + c] for c in range(size)], self.real)
 
     @ti.func
     def impulse_on(self, forces: ti.template(), k):
-        """Impulse of the walls on grain k [N s]."""
+        """Impulse of all walls on grain k [N s], world frame."""
         impulse = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
         for w in range(self.count):
             r = forces.grains.id[k] * self.count + w
@@ -289,7 +303,10 @@ class Walls:
 
     @ti.func
     def depths_before(self, forces: ti.template(), k, w, feature, n, dt):
-        """Depths [m] one and two steps ago of the feature that is deepest now, continued beyond its bounds."""
+        """Depths [m] one and two steps ago of the feature that is deepest now, continued beyond its bounds.
+
+        Positions and orientations follow from the velocities of the last two steps: nothing more need be stored.
+        """
         g = forces.grains
         normal, v = self.normal[w], self.velocity[w]
         height_1 = self.height(w, g.position[k]) - (g.velocity[k] - v).dot(normal) * dt
@@ -297,10 +314,10 @@ class Walls:
         top_1 = g.radius[k]
         top_2 = top_1
         if ti.static(self.spec.shaped):
-            turn = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
-            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, turn, n)
+            q = advanced_orientation(g.orientation[k], g.angular_velocity[k], -dt)
+            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, q, n)
             top_1 = point.dot(n)
-            turn = advanced_orientation(turn, g.last_angular_velocity[k], -dt)
-            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, turn, n)
+            q = advanced_orientation(q, g.last_angular_velocity[k], -dt)
+            point, radius = forces.geometry.surface.surface_point(g.shape_index[k], k, feature, q, n)
             top_2 = point.dot(n)
         return top_1 - ti.cast(height_1, self.real), top_2 - ti.cast(height_2, self.real)

@@ -1,18 +1,19 @@
-"""Drives of a platen along one axis: at rest, at a velocity, by a spring, or under a servo-controlled stress."""
+"""Drives of a platen along one axis: at rest, at a velocity, by a spring, or under a servo-controlled stress.
+
+A drive is a dataclass on the host and one Taichi function in the step. `values(area)` gives the numbers that the
+kernel reads, at most VALUES of them, as the argument `p`. `kick` or, for a drive with a spring, `pull` advances the
+velocity of the platen by one step and returns the work of the drive and the energy that it dissipates in it.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.errors import finite, require
 from ..core.runtime import ti
 
 VALUES = 4  # numbers per driven axis in the parameter field
-
-
-def _require(condition, drive, name, value, allowed):
-    if not condition:
-        raise InputError(f"{type(drive).__name__}.{name} = {value!r}: must be {allowed}")
+UNBOUNDED = 1e300  # stands for infinity in kernels
 
 
 @ti.data_oriented
@@ -20,33 +21,55 @@ def _require(condition, drive, name, value, allowed):
 class Fixed:
     """The platen does not move along this axis."""
 
-    def values(self, area):
+    def values(self, area: float) -> tuple[float, ...]:
+        """Numbers that the kernel reads; none."""
         return ()
 
     @ti.func
     def kick(self, p, v, force, mass, dt):
-        """(new velocity, external work [J], dissipated [J]) for parameters p, velocity v, contact force, mass."""
+        """New velocity [m s-1], work of the drive [J] and energy dissipated [J]; all zero.
+
+        p: values of the drive; v [m s-1]: velocity; force [N]: of the contacts on the platen; mass [kg]; dt [s].
+        """
         return 0.0 * v, 0.0 * v, 0.0 * v
 
 
 @ti.data_oriented
 @dataclass
 class ConstantVelocity:
-    """The platen moves at `velocity` [m s-1], reached at `acceleration` [m s-2] (at once if infinite)."""
+    """The platen moves at a constant velocity, which it reaches at a constant acceleration.
+
+    Parameters
+    ----------
+    velocity : float
+        Velocity along the axis [m s-1].
+    acceleration : float
+        Rate at which the velocity is reached [m s-2], > 0; at once if infinite.
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed.
+    """
 
     velocity: float
     acceleration: float = np.inf
 
-    def __post_init__(self):
-        _require(np.isfinite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
-        _require(self.acceleration > 0, self, "acceleration", self.acceleration, "> 0 m/s2")
+    def __post_init__(self) -> None:
+        require(finite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
+        rate = self.acceleration
+        require(rate == np.inf or (finite(rate) and rate > 0), self, "acceleration", rate, "> 0 m/s2")
 
-    def values(self, area):
-        return (self.velocity, min(self.acceleration, 1e300))
+    def values(self, area: float) -> tuple[float, ...]:
+        """Numbers that the kernel reads: velocity [m s-1] and acceleration [m s-2]."""
+        return (self.velocity, min(self.acceleration, UNBOUNDED))
 
     @ti.func
     def kick(self, p, v, force, mass, dt):
-        """The drive supplies whatever force keeps the velocity; its work is booked as external."""
+        """As `Fixed.kick`; the drive supplies whatever force keeps the velocity, and does its work.
+
+        Work of the step: (M (v' - v) - F_contact dt) (v + v')/2, the impulse of the drive times the mean velocity.
+        """
         step = p[1] * dt
         v_new = v + ti.max(-step, ti.min(step, p[0] - v))
         work = (mass * (v_new - v) - force * dt) * 0.5 * (v + v_new)
@@ -56,34 +79,53 @@ class ConstantVelocity:
 @ti.data_oriented
 @dataclass
 class SpringLoadPoint:
-    """A load point at `velocity` V [m s-1] pulls the platen by a spring: M x'' = F_contact + K (V t - x).
+    """A load point at constant velocity pulls the platen by a spring: M x'' = F_contact + K (V t - x).
 
-    stiffness K [N m-1]: of the loading frame; inertia M [kg]: of the platen with what moves along, at least the glued
-    mass. The spring starts without tension and keeps its stretch when the values change. `work` is what the spring
-    does on the platen; K stretch^2/2 lies in the spring, and their sum is the work of the load point.
+    Parameters
+    ----------
+    velocity : float
+        Velocity V of the load point [m s-1].
+    stiffness : float
+        Stiffness K of the loading frame [N m-1], > 0.
+    inertia : float
+        Mass M of the platen with what moves along [kg], at least the mass of the glued grains.
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed.
+
+    Notes
+    -----
+    The spring starts without tension and keeps its stretch when the values change. `work` is what the spring does on
+    the platen. The spring stores K stretch^2/2; the sum of both is the work of the load point.
     """
 
     velocity: float
     stiffness: float
     inertia: float
 
-    def __post_init__(self):
-        _require(np.isfinite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
+    def __post_init__(self) -> None:
+        require(finite(self.velocity), self, "velocity", self.velocity, "a finite number, m/s")
         for name, unit in (("stiffness", "N/m"), ("inertia", "kg")):
             value = getattr(self, name)
-            _require(np.isfinite(value) and value > 0, self, name, value, f"> 0 {unit}")
+            require(finite(value) and value > 0, self, name, value, f"> 0 {unit}")
 
-    def check_step(self, dt):
-        """Raise InputError if the platen on its spring is too quick for the step [s]: half of what is stable."""
+    def check_step(self, dt: float) -> None:
+        """Raise InputError unless the time step dt [s] resolves the platen on its spring.
+
+        Verlet is stable up to dt = 2 sqrt(M/K); half of that is allowed, hence K <= M/dt^2.
+        """
         most = self.inertia / dt**2
-        _require(self.stiffness <= most, self, "stiffness", self.stiffness, f"<= inertia/dt^2 = {most:g} N/m")
+        require(self.stiffness <= most, self, "stiffness", self.stiffness, f"<= inertia/dt^2 = {most:g} N/m")
 
-    def values(self, area):
+    def values(self, area: float) -> tuple[float, ...]:
+        """Numbers that the kernel reads: velocity [m s-1] and stiffness [N m-1]."""
         return (self.velocity, self.stiffness)
 
     @ti.func
     def pull(self, p, v, force, mass, stretch, dt):
-        """As `kick` of the other drives, with the spring's stretch [m] before and, as the last result, after."""
+        """As `Fixed.kick`, with the stretch of the spring [m] before and, as the last result, after the step."""
         tension = p[1] * stretch
         v_new = v + dt / mass * (force + tension)
         return v_new, tension * 0.5 * (v + v_new) * dt, 0.0 * v, stretch + (p[0] - v_new) * dt
@@ -94,10 +136,29 @@ class SpringLoadPoint:
 class ServoStress:
     """Servo-controlled normal stress: M y'' = (sigma_contact - sigma) A - C y', y pointing away from the layer.
 
-    stress sigma [Pa], compression positive; outward +1 or -1: sign of "away from the layer" along the axis;
-    stiffness K [N m-1]: of the layer as the platen feels it, for C = 2 zeta sqrt(M K); damping_ratio zeta [-];
-    inertia M [kg] at least the glued mass; speed_limit [m s-1]: bound on abs(y').
-    Without a contact the platen falls at most at speed_limit, so lost contacts are found again gently.
+    Parameters
+    ----------
+    stress : float
+        Normal stress sigma [Pa], compression positive, > 0.
+    outward : int
+        Sign of "away from the layer" along the axis, 1 or -1.
+    stiffness : float
+        Stiffness K of the layer as the platen feels it [N m-1], > 0; it sets the drag C = 2 zeta sqrt(M K).
+    inertia : float
+        Mass M [kg], at least the mass of the glued grains.
+    speed_limit : float
+        Bound on abs(y') [m s-1], > 0.
+    damping_ratio : float
+        Damping ratio zeta [-], > 0.
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed.
+
+    Notes
+    -----
+    A platen without a contact falls at most at the speed limit, so that it returns to the layer gently.
     """
 
     stress: float
@@ -107,24 +168,32 @@ class ServoStress:
     speed_limit: float
     damping_ratio: float = 0.2
 
-    def __post_init__(self):
-        _require(np.isfinite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
-        _require(self.outward in (-1, 1), self, "outward", self.outward, "-1 or 1")
+    def __post_init__(self) -> None:
+        require(finite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
+        require(self.outward in (-1, 1), self, "outward", self.outward, "-1 or 1")
         for name in ("stiffness", "inertia", "speed_limit", "damping_ratio"):
             value = getattr(self, name)
-            _require(np.isfinite(value) and value > 0, self, name, value, "> 0")
+            require(finite(value) and value > 0, self, name, value, "> 0")
 
-    def values(self, area):
+    def values(self, area: float) -> tuple[float, ...]:
+        """Numbers that the kernel reads: force of the stress [N], drag C [kg s-1], speed limit [m s-1] and mass [kg].
+
+        area [m2]: surface of the platen on which the stress acts.
+        """
         drag = 2.0 * self.damping_ratio * np.sqrt(self.inertia * self.stiffness)
         return (self.stress * area * self.outward, drag, self.speed_limit, self.inertia)
 
     @ti.func
     def kick(self, p, v, force, mass, dt):
-        """Drag is taken at the mean velocity, so any C is stable; what it and the speed limit take is booked."""
+        """As `Fixed.kick`; what the drag and the speed limit take from the platen is dissipated energy.
+
+        The drag is evaluated at the mean velocity of the step, (v + v')/2, so that any C is stable.
+        """
         inertia = p[3]
         a = 0.5 * p[1] * dt / inertia
         v_new = ((1.0 - a) * v + dt / inertia * (force - p[0])) / (1.0 + a)
         v_new = ti.max(-p[2], ti.min(p[2], v_new))
         v_mean = 0.5 * (v + v_new)
+        # Impulse of drag and speed limit: the change of momentum that contacts and stress do not explain.
         held = inertia * (v_new - v) - (force - p[0]) * dt
         return v_new, -p[0] * v_mean * dt, -held * v_mean

@@ -1,1 +1,1 @@
-"""Contact detection: which grains are near (broad), where they touch (narrow), and what a pair remembers (pairs)."""
+"""Contact detection: the neighbour search, the geometry of touching surfaces, and what a pair of grains stores."""

@@ -1,28 +1,44 @@
 """Contacts side by side: the numbers of a block of contacts in local arrays, one short loop for each stage.
 
-The compiler turns a loop into SIMD instructions only if it can prove that what the loop writes is nothing it reads.
-It cannot for fields, which all hang on pointers in memory, but it can for local arrays. So a block of pairs is worked
-on in stages: fields are gathered into the block, the arithmetic runs over the block alone, and results are scattered
-back. Effects stay scalar functions of one contact. The bits do not depend on the blocks: each place holds one contact.
+The compiler turns a loop into SIMD instructions only if it can prove that the loop reads nothing that it writes. For
+fields, which are all reached through pointers, it cannot; for local arrays it can. So a block of pairs goes through
+stages: fields are gathered into the block, the arithmetic runs over the block alone, and results are scattered back.
+Effects stay scalar functions of one contact. The bits do not depend on the blocks: each place holds one contact.
 """
+
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from ..core.fields import rotation_size
 from ..core.runtime import current, ti
 
-WIDTH = 32  # pairs of a block: enough to fill SIMD registers, few enough to compile soon
+WIDTH = 32  # pairs of a block: enough to fill SIMD registers, few enough to compile fast
 AXIS = tuple(f"_{axis}" for axis in range(64))  # endings of the names of components
-PAD = 8  # loops over a block run to a multiple, so that no scalar remainder is left; places beyond hold stale numbers
+PAD = 8  # loops over a block run to a multiple of it, which leaves no scalar remainder; places beyond hold old numbers
 
 
-def block_width():
-    """Pairs of a block; one on a GPU, where neighbouring threads play their part."""
+def block_width() -> int:
+    """Pairs of a block; one on a GPU, where neighbouring threads take the place of SIMD lanes."""
     return WIDTH if current().arch == "cpu" else 1
 
 
-def block_type(scalars, vectors, integers):
-    """Taichi struct of local arrays: real numbers `scalars`, {name: components} `vectors`, and `integers`.
+def block_type(scalars: Iterable[str], vectors: Mapping[str, int], integers: Iterable[str]) -> Any:
+    """Taichi struct of local arrays of `block_width` numbers.
 
-    Every component of a vector is an array of its own: the compiler sees that those do not overlap either.
+    Parameters
+    ----------
+    scalars
+        Names of the arrays of real numbers.
+    vectors
+        Number of components of each array of vectors. Every component is an array of its own: the compiler sees that
+        those do not overlap either.
+    integers
+        Names of the arrays of integers.
+
+    Returns
+    -------
+    Taichi struct type
+        One member per array; component c of a vector `name` is the member `name + AXIS[c]`.
     """
     width = block_width()
     real, whole = ti.types.vector(width, current().real), ti.types.vector(width, ti.i32)
@@ -31,19 +47,33 @@ def block_type(scalars, vectors, integers):
     return ti.types.struct(**members, **dict.fromkeys(integers, whole))
 
 
-def contact_block_type(spec, needs, channels, crosses_seams):
+def contact_block_type(spec: Any, needs: Iterable[str], channels: int, crosses_seams: bool) -> Any:
     """Struct of what a block holds of each contact: only what the effects of a scene need.
 
-    branch [m]: from centre to centre; normal, depth [m]; velocity [m s-1]: of the second grain against the first, at
-    the contact for shaped grains, of the centres for spheres; lost [J]: a component for each of the `channels` of
-    dissipated energy; memory: one for each number of the history; previous_status: that of the last step. needs: names
-    of optional inputs of the effects; crosses_seams: features of the last step are compared with those of this one.
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    needs
+        Names of the optional inputs of its effects.
+    channels
+        Channels of dissipated energy.
+    crosses_seams
+        Whether features of the last step are compared with those of this one.
+
+    Returns
+    -------
+    Taichi struct type
+        Among its members: branch [m], from centre to centre; normal; depth [m]; velocity [m s-1] of the second grain
+        relative to the first, at the contact for shaped grains, of the centres for spheres; lost [J], a component per
+        channel; memory, a component per number of the history; previous_status, that of the last step. World frame.
     """
     dim, rotation = spec.dim, rotation_size(spec.dim)
     scalars = ["depth", "inverse_mass"]
     vectors = {"branch": dim, "normal": dim, "velocity": dim, "force": dim, "lost": channels, "memory": spec.history}
     integers = ["slot", "previous_status", "near", "status"]
     scalars += ["reduced_radius"] if "reduced_radius" in needs else []
+    # Spheres: arms follow from radii and depth, so that their stages need no arms; shaped grains store them.
     if not spec.shaped:
         scalars += ["radius_sum"]
     if spec.rotates:
@@ -63,7 +93,7 @@ def contact_block_type(spec, needs, channels, crosses_seams):
 
 @ti.func
 def put(block: ti.template(), name: ti.template(), i, a: ti.template()):
-    """Write vector `a` to place i of the arrays `name`."""
+    """Write the vector `a` to place i of the arrays `name`."""
     for axis in ti.static(range(a.n)):
         block[name + AXIS[axis]][i] = a[axis]
 
@@ -76,7 +106,7 @@ def get(block: ti.template(), name: ti.template(), i, size: ti.template()):
 
 @ti.func
 def padded(count):
-    """Places to work on so that `count` of them are done: a multiple that the compiler can see."""
+    """Number of places, at least `count`, that a loop runs over: a multiple of PAD, as the compiler can see."""
     result = count
     if ti.static(block_width() >= PAD):
         result = (count + (PAD - 1)) // PAD * PAD

@@ -1,5 +1,7 @@
 """Whether the neighbour list still holds every pair that may touch."""
 
+from typing import Any
+
 from ..core.runtime import ti, when_allocated
 
 ROTATION_MARGIN = 1.01  # the angular velocity is a mean over the step; the rotation may be a little more
@@ -9,18 +11,30 @@ ROTATION_MARGIN = 1.01  # the angular velocity is a mean over the step; the rota
 class ListValidity:
     """Asks for a new neighbour list when a grain, or a part of it, has moved by half the skin since the list was built.
 
-    `outdated` is 0, or 1 + the number of the step in the launch in which that happened.
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    scheme
+        Integration scheme, which knows grains, cell and time step.
+    skin : float
+        Skin of the neighbour list [m].
+
+    Attributes
+    ----------
+    outdated : Taichi field ()
+        0, or 1 + the number of the step in the launch in which that happened.
     """
 
-    def __init__(self, spec, scheme, skin):
+    def __init__(self, spec: Any, scheme: Any, skin: float) -> None:
         self.spec, self.scheme = spec, scheme
         self.grains, self.domain = scheme.grains, scheme.domain
         self.half_skin = ti.field(ti.f64, ())
         self.outdated = ti.field(ti.i32, ())
         when_allocated(lambda: self.set_skin(skin))
 
-    def set_skin(self, skin):
-        """Choose the skin of the neighbour list [m]."""
+    def set_skin(self, skin: float) -> None:
+        """Set the skin of the neighbour list [m]."""
         self.half_skin[None] = 0.5 * skin
 
     @ti.func
@@ -38,10 +52,10 @@ class ListValidity:
             time = (step + 1) * self.scheme.dt[None]
             displacement, limit = self.domain.displacement_in_flow(displacement, g.built_position[k], limit, time)
         if ti.static(self.spec.multi_part):
-            # a point at the distance R moves by less than R |change of q| (2D), 2 R |change of q| (3D)
+            # A point at the distance R moves by less than R |change of q| (2D), 2 R |change of q| (3D).
             change = (g.orientation[k] - g.built_orientation[k]).norm()
             limit -= ti.static(1.0 if self.grains.dim == 2 else 2.0) * change * g.radius[k]
-        # written so that a position that is not a number also asks for a new list, which then reports it
+        # Written so that a position that is not a number also asks for a new list, which then reports it.
         if not (limit > 0.0 and displacement.dot(displacement) < limit * limit):
             self.outdated[None] = 1 + step
 

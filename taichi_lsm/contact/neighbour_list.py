@@ -1,5 +1,7 @@
 """The neighbour list: half of all pairs in rows, and its transpose."""
 
+from typing import Any
+
 from ..core.runtime import ti
 from .pair_storage import Pairs
 
@@ -8,11 +10,20 @@ from .pair_storage import Pairs
 class NeighbourList:
     """Writes the half list (each pair at its lower id) and its transpose into the storage of the pairs.
 
+    Parameters
+    ----------
+    search : NeighbourSearch
+        Counts and writes the rows.
+    pairs : Pairs
+        Storage of the pairs.
+
+    Notes
+    -----
     The order of the list depends on persistent ids only: neither threads nor slots nor the time of a rebuild can
-    change the bits of a sum over contacts. Pairs that stay listed keep their memory.
+    change the bits of a sum over contacts. Pairs that stay listed keep what they remember.
     """
 
-    def __init__(self, search, pairs):
+    def __init__(self, search: Any, pairs: Pairs) -> None:
         self.search, self.pairs, self.grains = search, pairs, search.grains
         self.serial = search.serial
 
@@ -21,6 +32,7 @@ class NeighbourList:
         """Write the list for the positions that the search has just counted."""
         g, p = self.grains, self.pairs
         n = g.count[None]
+        # Save what the pairs remember and where the rows were; rows begin anew at the running sum of the counts.
         ti.loop_config(serialize=self.serial)
         for k in range(n):
             for s in range(p.row_start[k], p.row_start[k + 1]):
@@ -31,10 +43,12 @@ class NeighbourList:
         ti.loop_config(serialize=True)
         for k in range(n):
             p.row_start[k + 1] = p.row_start[k] + self.search.row_count[k]
+        # Write each row, then merge it with the old row of the same grain: both rise in the id of the second grain and
+        # in the part, so that one pass finds the old slot of every pair that was listed before.
         ti.loop_config(serialize=self.serial)
         for k in range(n):
-            first = p.row_start[k]
-            self.search.visit(k, first, p, True)
+            begin = p.row_start[k]
+            self.search.count_or_write(k, begin, p, True)
             g.built_position[k] = g.position[k]
             if ti.static(p.spec.sheared):
                 self.search.domain.built_strain[0] = self.search.domain.strain[0]
@@ -43,7 +57,7 @@ class NeighbourList:
             old = g.previous_slot[k]
             o = p.old_start[old]
             end = p.old_start[old + 1]
-            for s in range(first, p.row_start[k + 1]):  # both rows rise in partner id and part: a merge
+            for s in range(begin, p.row_start[k + 1]):
                 p.first_slot[s] = k
                 order = -1
                 while o < end and order < 0:
@@ -55,6 +69,7 @@ class NeighbourList:
                     match = o
                 p.restore(s, match)
             g.previous_slot[k] = k
+        # Forces and torques hold the stash until every row has been restored.
         ti.loop_config(serialize=self.serial)
         for k in range(n):
             for s in range(p.row_start[k], p.row_start[k + 1]):
@@ -65,13 +80,14 @@ class NeighbourList:
 
     @ti.kernel
     def transpose_only(self):
-        """Write the transpose of rows that are there already."""
+        """Write the transpose of rows that were loaded from a file."""
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.transpose()
 
     @ti.func
     def transpose(self):
+        """Write the slots in which each grain is the second one: a counting sort of the slots."""
         g, p = self.grains, self.pairs
         n = g.count[None]
         for k in range(n + 1):
@@ -79,10 +95,12 @@ class NeighbourList:
         for s in range(p.row_start[n]):
             l = p.second_slot[s]
             p.cursor[l] = p.cursor[l] + 1
+        # Columns begin at the running sum of the counts; from here on the cursor is the next free place of a column.
         for k in range(n):
             p.column_start[k + 1] = p.column_start[k] + p.cursor[k]
             p.cursor[k] = p.column_start[k]
-        for i in range(n):  # rows in rising id, so that each column rises in the id of the first grain
+        # Rows in rising id, so that each column rises in the id of the first grain.
+        for i in range(n):
             k = g.slot_of[i]
             for s in range(p.row_start[k], p.row_start[k + 1]):
                 l = p.second_slot[s]
@@ -90,8 +108,21 @@ class NeighbourList:
                 p.cursor[l] = p.cursor[l] + 1
 
 
-def grown(pairs, capacity):
-    """Larger storage with the rows of `pairs` copied, so that a rebuild can carry their memory over."""
+def grown(pairs: Pairs, capacity: int) -> Pairs:
+    """Storage for more pairs.
+
+    Parameters
+    ----------
+    pairs
+        Storage that has become too small.
+    capacity
+        Pairs that the new one has room for.
+
+    Returns
+    -------
+    Pairs
+        New storage with the rows of `pairs`, so that a rebuild of the list carries over what the pairs remember.
+    """
     larger = Pairs(pairs.spec, pairs.row_start.shape[0] - 1, capacity)
     for name in ["row_start"] + [v.name for v in pairs.variables]:
         raw = getattr(larger, name).to_numpy()

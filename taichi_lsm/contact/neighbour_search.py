@@ -1,23 +1,44 @@
-"""Which grains are near each other: the neighbour list, built from a sparse grid of cells."""
+"""Search for the pairs of grains that are near each other, with a sparse grid of cells."""
+
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import SimulationError
 from ..core.runtime import current, ti, when_allocated
 from .cell_grid import SparseGrid
 from .pair_storage import PART_BASE
 
-FAR = 1e300  # [m], beyond which a coordinate is as good as no number
-SORT_INTERVAL = 20  # rebuilds between two re-sortings of the grains along the cells
-SORT_LEAST = 4000  # grains; fewer lie in the cache in any order
-ROOM = 12  # partners that are noted while they are counted; longer rows are searched twice
+FAR = 1e300  # [m]: a coordinate beyond it counts as not a number
+SORT_INTERVAL = 20  # rebuilds between two sorts of the grains along the cells
+SORT_LEAST = 4000  # grains; fewer fit into the cache in any order
+BUFFER = 12  # partners of a grain that are stored while they are counted; longer rows are searched twice
+# Reports of a search, rows of `error_id`.
+LOST, CRUSHED, JUMPING = 0, 1, 2
 
 
 @ti.data_oriented
 class NeighbourSearch:
-    """Finds the pairs nearer than the sum of bounding radii plus the skin [m], with the help of a sparse grid."""
+    """Finds the pairs nearer than the sum of their bounding radii plus the skin.
 
-    def __init__(self, spec, grains, domain, skin, parts=None, bonds=None):
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    grains
+        State of the grains.
+    domain : Domain
+        The cell.
+    skin : float
+        Skin [m]; it includes the reach of the effects.
+    parts : PartTable or None
+        Parts of the grains if any has more than one.
+    bonds : Bonds or None
+        Bonds; grains that an intact bond joins do not touch.
+    """
+
+    def __init__(self, spec: Any, grains: Any, domain: Any, skin: float, parts: Any = None, bonds: Any = None) -> None:
         self.spec = spec
         self.grains = grains
         self.domain = domain
@@ -27,15 +48,17 @@ class NeighbourSearch:
         self.skin = ti.field(ti.f64, ())
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
-        self.found = ti.field(ti.i32, grains.slot_of.shape[0] * ROOM)  # partners of each grain, not sorted
+        self.found = ti.field(ti.i32, grains.slot_of.shape[0] * BUFFER)  # partners of each grain, not sorted
         self.found_count = ti.field(ti.i32, grains.slot_of.shape[0]) if spec.multi_part else self.row_count
-        self.trouble = ti.field(ti.i32, 3)  # 1 + id of a grain that is nowhere, of a crushed platen, of one that jumps
+        # 1 + id, 0 if there is none: of a grain whose position is no number, of one on a platen that touches the other
+        # platen, and of one that moves too far in a step.
+        self.error_id = ti.field(ti.i32, 3)
         self.fastest = ti.field(ti.f64, ())
         self.searches = 0
         when_allocated(lambda: self.set_skin(skin))
 
-    def set_skin(self, skin):
-        """Choose the skin [m] and cells that suit it and the largest grain; the radii must be known."""
+    def set_skin(self, skin: float) -> None:
+        """Set the skin [m], and cells as wide as it and the largest grain need; the radii must be known."""
         self.skin[None] = skin
         self.grid.set_width(2.0 * float(self.grains.column("radius").max()) + skin)
 
@@ -43,44 +66,47 @@ class NeighbourSearch:
     def listed(self, k, l):
         """1 if the pair belongs in the row of grain k, else 0, without a branch that depends on a distance.
 
-        Rows hold partners of higher id. Grains glued to platens do not touch each other, nor do bonded ones.
+        Rows hold partners of higher id. Grains glued to platens do not touch each other, nor do bonded ones; two glued
+        to different platens that overlap are reported.
         """
         g = self.grains
         d = self.domain.displacement(g.position[k], g.position[l])
         reach = ti.cast(g.radius[k] + g.radius[l], ti.f64)
         near = ti.cast(d.dot(d) < (reach + self.skin[None]) ** 2, ti.i32) & ti.cast(g.id[l] > g.id[k], ti.i32)
+        # Corrections after the fact, for the few pairs that are near: glued grains, bonded grains.
         if g.platen_index[k] >= 0:
             if near == 1 and g.platen_index[l] >= 0:
                 near = 0
                 if g.platen_index[k] != g.platen_index[l] and d.dot(d) < reach * reach:
-                    self.trouble[1] = g.id[k] + 1
+                    self.error_id[CRUSHED] = g.id[k] + 1
         if ti.static(self.spec.bonds > 0):
             if near == 1:
                 near -= self.bonds.joined(g.id[k], g.id[l])
         return near
 
     @ti.func
-    def search(self, k, lists, number):
-        """Note the partners of grain k in `found`, as many as there is room for; returns how many there are.
+    def find_partners(self, k, lists, number):
+        """Store the partners of grain k in `found`, at most BUFFER of them; returns how many there are.
 
-        lists: first grains of the `number` cells in and around its own.
+        lists: slot + 1 of the first grain of each of the `number` occupied cells in and around its own. Every candidate
+        is written and the place is kept by counting on, as a branch on the distance would often be mispredicted.
         """
         count = 0
         for i in range(number):
             l = lists[i]
             while l > 0:
-                self.found[k * ROOM + ti.min(count, ROOM - 1)] = l - 1
+                self.found[k * BUFFER + ti.min(count, BUFFER - 1)] = l - 1
                 count += self.listed(k, l - 1)
                 l = self.grid.next[l - 1]
         return count
 
     @ti.func
-    def visit(self, k, s, p: ti.template(), fill: ti.template()):
-        """Count the pairs in the row of grain k, or write them from list slot s of p on, sorted by id."""
+    def count_or_write(self, k, s, p: ti.template(), fill: ti.template()):
+        """Count the pairs in the row of grain k or, if `fill`, write them from list slot s of p on, sorted by id."""
         pairs = 0
-        if self.found_count[k] < ROOM:  # the last place is overwritten by grains that are not near
+        if self.found_count[k] < BUFFER:  # the last place is overwritten by grains that are not near
             for i in range(self.found_count[k]):
-                pairs += self.add(k, self.found[k * ROOM + i], s, pairs, p, fill)
+                pairs += self.add(k, self.found[k * BUFFER + i], s, pairs, p, fill)
         else:
             lists, number = self.grid.around(self.grid.number[k])
             for i in range(number):
@@ -93,7 +119,10 @@ class NeighbourSearch:
 
     @ti.func
     def add(self, k, l, s, found, p: ti.template(), fill: ti.template()):
-        """Number of pairs that grain l adds to the row of grain k, which begins at s and holds `found` pairs."""
+        """Number of pairs that grain l adds to the row of grain k, which begins at s and holds `found` pairs.
+
+        One, or one for each pair of parts whose bounding balls are near; if `fill`, they are written.
+        """
         g = self.grains
         more = 1
         if ti.static(self.spec.multi_part):
@@ -110,15 +139,16 @@ class NeighbourSearch:
 
     @ti.func
     def near_parts(self, k, l, a, b):
-        """Do part a of grain k and part b of grain l belong on the list?"""
+        """True if part a of grain k and part b of grain l belong on the list."""
         g = self.grains
         d = ti.cast(self.domain.displacement(g.position[k], g.position[l]), self.real)
-        return self.parts.apart(k, l, a, b, d) < ti.cast(self.skin[None], self.real)
+        return self.parts.gap(k, l, a, b, d) < ti.cast(self.skin[None], self.real)
 
     @ti.func
     def insert(self, s, found, k, l, code, p: ti.template()):
         """Put grain l into the row that begins at slot s and holds `found` pairs, in the order of ids and parts."""
         g = self.grains
+        # Insertion sort: a row holds few pairs.
         at = s + found
         while at > s and p.second_id[at - 1] > g.id[l]:
             p.second_id[at] = p.second_id[at - 1]
@@ -133,19 +163,20 @@ class NeighbourSearch:
 
     @ti.kernel
     def count_partners(self, jump: ti.f64) -> ti.i32:
-        """Number of pairs to be listed. jump [s]: a grain that moves by more than its radius in this time is noted."""
+        """Number of pairs to be listed; jump [s]: a grain that moves by more than its radius in it is reported."""
         for i in ti.static(range(3)):
-            self.trouble[i] = 0
+            self.error_id[i] = 0
         self.fastest[None] = 0.0
+        # In parallel over the occupied cells: all grains of a cell share the list of its surroundings.
         ti.loop_config(serialize=self.serial)
         for c in range(self.grid.occupied[None]):
             lists, number = self.grid.around(c)
-            k = self.grid.head[self.grid.home(c)] - 1
+            k = self.grid.head[self.grid.index_of(c)] - 1
             while k >= 0:
-                self.note_trouble(k, jump)
-                self.found_count[k] = self.search(k, lists, number)
+                self.check_motion(k, jump)
+                self.found_count[k] = self.find_partners(k, lists, number)
                 if ti.static(self.spec.multi_part):
-                    self.row_count[k] = self.visit(k, 0, 0, False)
+                    self.row_count[k] = self.count_or_write(k, 0, 0, False)
                 k = self.grid.next[k] - 1
         total = 0
         ti.loop_config(serialize=True)
@@ -154,24 +185,26 @@ class NeighbourSearch:
         return total
 
     @ti.func
-    def note_trouble(self, k, jump):
-        """Note the fastest grain, and one whose position is no number or that moves too far in one step."""
+    def check_motion(self, k, jump):
+        """Report grain k if its position is no number or it moves too far in a step; update the greatest speed."""
         g = self.grains
         if not ti.abs(g.position[k]).sum() < FAR:
-            self.trouble[0] = g.id[k] + 1
+            self.error_id[LOST] = g.id[k] + 1
+        # Velocities relative to the mean flow, which moves neighbours along with the grain.
         v = g.velocity[k]
         if ti.static(self.spec.sheared):
             v[0] -= self.domain.shear_rate[0] * g.position[k][1]
         speed = v.norm()
         if g.platen_index[k] < 0 and speed * jump > g.radius[k]:
-            self.trouble[2] = g.id[k] + 1
+            self.error_id[JUMPING] = g.id[k] + 1
+        # Greatest speed of a point of the grain: rotation moves parts, and with them their pairs.
         if ti.static(self.spec.multi_part):
             fastest = ti.abs(g.angular_velocity[k][0]) if ti.static(self.dim == 2) else g.angular_velocity[k].norm()
             speed += fastest * g.radius[k]
         ti.atomic_max(self.fastest[None], speed)
 
-    def sort_grains(self):
-        """Order the slots along the cells, so that neighbours in space are neighbours in memory."""
+    def sort_grains(self) -> None:
+        """Order the slots along a Z-shaped curve of the cells: neighbours in space become neighbours in memory."""
         g = self.grains
         x = g.position.to_numpy()[: len(g)]
         inverse = self.grid.inverse_width.to_numpy()
@@ -182,18 +215,37 @@ class NeighbourSearch:
         cell -= cell.min(axis=0)
         g.reorder(np.argsort(morton_code(cell), kind="stable"))
 
-    def count(self, dt, guards):
-        """Number of pairs to be listed. Raises SimulationError if a guard finds a grain that is lost or that jumps in a
-        step of dt [s], or if the layer is gone.
+    def count(self, dt: float, guards: Any) -> int:
+        """Search at the present positions.
 
-        Grains that part must still be listed in the step in which they do so: a skin of less than that is widened.
+        Parameters
+        ----------
+        dt
+            Time step [s].
+        guards : Guards
+            Checks of a run, which say what is an error.
+
+        Returns
+        -------
+        int
+            Number of pairs to be listed.
+
+        Raises
+        ------
+        SimulationError
+            If a position is not a number, a grain moves too far in one step, or the two platens touch.
+
+        Notes
+        -----
+        Two grains that separate must still be listed in the step in which they do so. A skin narrower than twice the
+        distance that the two fastest grains could separate in a step is widened, and the search repeated.
         """
         if len(self.grains) >= SORT_LEAST and self.searches % SORT_INTERVAL == 0:
             self.sort_grains()
         self.searches += 1
         self.grid.fill(self.grains.position, self.grains.count)
         total = self.count_partners(dt / guards.displacement if guards.displacement else 0.0)
-        lost, crushed, jumping = self.trouble.to_numpy() - 1
+        lost, crushed, jumping = self.error_id.to_numpy() - 1
         if lost >= 0 and guards.finite:
             raise SimulationError(f"grain {lost}: its position is not a number", grains=[lost])
         if crushed >= 0:
@@ -201,14 +253,14 @@ class NeighbourSearch:
             raise SimulationError(text, grains=[crushed])
         if jumping >= 0:
             raise self.jump_error(jumping, dt, guards.displacement)
-        parting = 2.0 * (self.fastest[None] + self.domain.flow_over(self.skin[None])) * dt
-        if parting > self.skin[None] and np.isfinite(parting):
-            self.set_skin(2.0 * parting)
+        separation = 2.0 * (self.fastest[None] + self.domain.flow_over(self.skin[None])) * dt
+        if separation > self.skin[None] and np.isfinite(separation):
+            self.set_skin(2.0 * separation)
             return self.count(dt, guards)
         return total
 
-    def jump_error(self, k, dt, limit):
-        """SimulationError which says that grain k moves by more than `limit` radii in a step of dt [s]."""
+    def jump_error(self, k: int, dt: float, limit: float) -> SimulationError:
+        """Error that says that the grain of id k moves by more than `limit` of its radius in a step of dt [s]."""
         g = self.grains
         v = g.column("velocity")[k] - self.domain.mean_flow(g.column("position"))[k]
         displacement = float(np.linalg.norm(v) * dt / g.column("radius")[k])
@@ -220,8 +272,19 @@ class NeighbourSearch:
         )
 
 
-def morton_code(cell):
-    """Interleaved bits of non-negative integer cells (n, dim) -> (n,) codes along a Z-shaped curve."""
+def morton_code(cell: NDArray) -> NDArray:
+    """Codes (n,) of cells along a Z-shaped curve.
+
+    Parameters
+    ----------
+    cell
+        Indices of cells (n, dim), integers >= 0.
+
+    Returns
+    -------
+    array (n,)
+        The interleaved bits of the indices: cells with close codes are close in space.
+    """
     dim = cell.shape[1]
     code = np.zeros(len(cell), np.uint64)
     for bit in range(63 // dim):

@@ -1,5 +1,7 @@
 """Where two listed grains touch: spheres in closed form, all others by the geometry of their surfaces."""
 
+from typing import Any
+
 from ..core.runtime import current, ti, when_allocated
 from .error_flags import OVERLAP
 from .pair_storage import PART_BASE
@@ -10,13 +12,37 @@ from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
 class PairGeometry:
     """Distances and overlaps of the pairs of the list.
 
-    surfaces: table of the patches, None for spheres; parts: table of the parts, None if every grain has one; reach
-    [m]: distance of the surfaces up to which an effect acts, 0 if all need them to touch.
-    A depth that reaches the overlap limit, where no pair of patches faces each other uniquely any more, is reported
-    to `error_flags`.
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    grains
+        State of the grains.
+    surfaces
+        Table of the patches (`surface_table`), None for spheres.
+    parts : PartTable or None
+        Table of the parts, None if every grain has one part.
+    domain : Domain
+        The cell.
+    pairs : Pairs
+        Storage of the pairs.
+    error_flags : ErrorFlags
+        Receives a depth that reaches the overlap limit, where no pair of patches faces each other uniquely any more.
+    reach : float
+        Distance of the surfaces up to which an effect acts [m]; 0 if all effects need a contact.
     """
 
-    def __init__(self, spec, grains, surfaces, parts, domain, pairs, error_flags, reach=0.0):
+    def __init__(
+        self,
+        spec: Any,
+        grains: Any,
+        surfaces: Any,
+        parts: Any,
+        domain: Any,
+        pairs: Any,
+        error_flags: Any,
+        reach: float = 0.0,
+    ) -> None:
         self.spec = spec
         self.grains, self.domain, self.pairs, self.error_flags = grains, domain, pairs, error_flags
         self.parts = parts
@@ -28,13 +54,13 @@ class PairGeometry:
             self.reach = ti.field(self.real, ())
             when_allocated(lambda: self.set_reach(reach))
 
-    def set_reach(self, reach):
-        """Choose the distance of the surfaces [m] up to which effects act."""
+    def set_reach(self, reach: float) -> None:
+        """Set the distance of the surfaces [m] up to which effects act."""
         self.reach[None] = reach
 
     @ti.func
     def least_depth(self):
-        """Depth [m] above which effects act on a pair: negative if one of them has a reach."""
+        """Depth [m] above which effects act on a pair: minus the reach, hence negative if there is one."""
         least = ti.cast(0.0, self.real)
         if ti.static(self.spec.reaches):
             least = -self.reach[None]
@@ -42,7 +68,7 @@ class PairGeometry:
 
     @ti.func
     def reduced_radius(self, k, l, s):
-        """R_k R_l/(R_k + R_l) of the radii of curvature where the grains of slot s touch [m]."""
+        """Reduced radius R_k R_l/(R_k + R_l) [m] of the radii of curvature where the grains of slot s touch."""
         r_k, r_l = self.grains.radius[k], self.grains.radius[l]
         if ti.static(self.spec.shaped):
             a, b = self.parts_of(k, l, s)
@@ -51,27 +77,29 @@ class PairGeometry:
 
     @ti.func
     def shortest(self, k, l):
-        """Vector from grain k to the nearest image of grain l [m], in the precision of the contact geometry."""
+        """Branch vector [m] from grain k to the nearest image of grain l, in the precision of the contacts."""
+        # The difference is taken in f64: positions grow with the cell, branch vectors do not.
         return ti.cast(self.domain.displacement(self.grains.position[k], self.grains.position[l]), self.real)
 
     @ti.func
     def relative_velocity(self, k, l):
-        """Velocity of the centre of the nearest image of grain l against that of grain k [m s-1]."""
+        """Velocity [m s-1] of the centre of the nearest image of grain l relative to that of grain k."""
         g = self.grains
         v = g.velocity[l] - g.velocity[k]
+        # An image across a sheared border moves with the flow of its own layer of cells.
         if ti.static(self.spec.sheared):
             v[0] -= self.domain.border_speed(g.position[k], g.position[l])
         return ti.cast(v, self.real)
 
     @ti.func
     def add_shear_work(self, k, moment):
-        """Add the work -rate sigma_xy V dt of shearing; moment [N m s]: what grain k's row adds to sigma_xy V dt."""
+        """Add the work of shearing, -rate sigma_xy V dt [J]; moment [N m s]: share of a contact in sigma_xy V dt."""
         g = self.grains
         g.shear_work[k] = g.shear_work[k] - self.domain.shear_rate[0] * moment
 
     @ti.func
     def parts_of(self, k, l, s):
-        """Rows of the surface table that list slot s is about: the part of grain k and that of grain l."""
+        """Rows of the surface table of list slot s: that of the part of grain k and that of the part of grain l."""
         g = self.grains
         a, b = g.shape_index[k], g.shape_index[l]
         if ti.static(self.spec.multi_part):
@@ -84,22 +112,24 @@ class PairGeometry:
     def near(self, k, l, s, d):
         """1 if the bounding spheres of slot s, d = c_l - c_k apart [m], overlap, Eq. (1), else 0.
 
-        Shaped grains that were a gap apart are not near until their surfaces have travelled so far that they may touch.
+        Shaped grains that were a gap apart are not near until the path lengths of their surfaces add up to the gap.
         """
         g = self.grains
         near = d.dot(d) < (g.radius[k] + g.radius[l] - self.least_depth()) ** 2
+        # Parts: by their own bounding balls, as those of the grains overlap for many pairs of parts that are apart.
         if ti.static(self.spec.multi_part):
             code = self.pairs.part_code[s]
-            near = self.parts.apart(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()
+            near = self.parts.gap(k, l, code // PART_BASE, code % PART_BASE, d) < -self.least_depth()
         if ti.static(self.spec.remembers_features):
             near = near and g.travel[k] + g.travel[l] >= self.pairs.free_until[s]
         return ti.cast(near, ti.i32)
 
     @ti.func
     def overlap(self, k, l, s, d, previous_status):
-        """(depth [m], normal k -> l, arm_k, arm_l [m]) of grains d = c_l - c_k apart; depth < 0 if they are apart.
+        """Depth [m], normal k -> l, arm_k and arm_l [m] of grains d = c_l - c_k apart; depth < 0 if they are apart.
 
         Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`previous_status`) is examined.
+        The arms run from the centres to the contact point, so that arm_l = arm_k - d.
         """
         g = self.grains
         depth = ti.cast(-1.0, self.real)
@@ -114,20 +144,22 @@ class PairGeometry:
                 arm_k = at * n
                 self.check_overlap_limit(k, l, depth)
             arm_l = arm_k - d
-        else:  # parts may reach out of the bounding sphere of their grain: no more is known than its distance
+        # The balls around parts may reach out of the bounding sphere of the grain; then only the gap between the
+        # spheres is known, a lower bound of that between the surfaces.
+        else:
             depth = r_k + r_l - d.norm()
         return depth, n, arm_k, arm_l
 
     @ti.func
     def check_overlap_limit(self, k, l, depth):
-        """Report two spheres whose depth [m] reached their overlap limit."""
+        """Report two spheres whose depth [m] reached their overlap limit; they are then nearly concentric."""
         g = self.grains
         if depth >= SPHERE_OVERLAP_LIMIT * (g.radius[k] + g.radius[l]):
             self.error_flags.report(OVERLAP, g.id[k], g.id[l])
 
     @ti.func
     def remembered(self, s):
-        """(features, normal) of list slot s before the step, as far as the geometry keeps them."""
+        """Features (2,) and normal (dim,) that list slot s stores; zero where the geometry stores none."""
         features = ti.Vector([0, 0])
         n = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
         if ti.static(self.spec.remembers_features):

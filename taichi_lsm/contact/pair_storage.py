@@ -1,21 +1,23 @@
 """What a listed pair of grains stores: its grains, force, remembered features and the history of its effects."""
 
+from typing import Any
+
 from ..core.fields import allocate, bytes_per_row, rotation_size, rounded_capacity
 from ..core.runtime import ti
 from ..core.schema import Variable
 
 PART_BASE = 2**15  # of `part_code`: more parts than any grain has
-# Bits of `status`.
+# Bits of `status`, see `pair_variables`.
 TOUCHING = 1
 SLIDING = 2
 HAS_IMPULSE = 4
 ACTING = 8
 
 
-def pair_variables(spec):
-    """Schema rows of a slot of the neighbour list that a scene of this KernelSpec needs."""
+def pair_variables(spec: Any) -> list[Variable]:
+    """Schema rows of a slot of the neighbour list: only those that a scene of this KernelSpec needs."""
 
-    def row(name, width, dtype, units, long_name):
+    def row(name: str, width: str, dtype: str, units: str, long_name: str) -> Variable:
         dims = ("contact", width) if width else ("contact",)
         return Variable(name, dims, dtype, units, long_name, restart=True)
 
@@ -36,7 +38,9 @@ def pair_variables(spec):
         rows.append(row("pair_angular_impulse", "rotation", "real", "N m s", long_name))
     if spec.remembers_features:
         rows.append(row("feature", "two", "i32", "1", "features that face each other"))
-        rows.append(row("free_until", "", "f64", "m", "sum of both grains' travel up to which they cannot touch"))
+        rows.append(
+            row("free_until", "", "f64", "m", "sum of the path lengths of both grains up to which they cannot touch")
+        )
     if spec.remembers_normal:
         rows.append(row("normal", "space", "real", "1", "last normal, first to second"))
     if spec.multi_part:
@@ -50,11 +54,24 @@ def pair_variables(spec):
 class Pairs:
     """Half list in CSR order (each pair at its lower id), its transpose, and what each pair remembers.
 
-    The fields of `pair_variables` are attributes, by list slot. At a rebuild of the list pairs move to other slots:
-    `save_slot` copies what a pair remembers to the fields of `old`, `restore` brings it back to its new slot.
+    Parameters
+    ----------
+    spec : KernelSpec
+        What the scene needs.
+    grain_capacity : int
+        Rows of grains that the list has room for.
+    capacity : int
+        Pairs that the list has room for.
+
+    Notes
+    -----
+    The fields of `pair_variables` are attributes, by list slot. The row of grain k is the slots row_start[k] to
+    row_start[k + 1]; its column, the slots in which it is the second grain, is column[column_start[k]] to
+    column[column_start[k + 1]]. At a rebuild of the list pairs move to other slots: `save_slot` copies what a pair
+    remembers to the fields of `old`, `restore` brings it back to its new slot.
     """
 
-    def __init__(self, spec, grain_capacity, capacity):
+    def __init__(self, spec: Any, grain_capacity: int, capacity: int) -> None:
         self.spec = spec
         self.capacity = rounded_capacity(capacity)
         self.sizes = {"space": spec.dim, "rotation": rotation_size(spec.dim), "history": spec.history, "two": 2}
@@ -68,8 +85,8 @@ class Pairs:
         self.old_start = ti.field(ti.i32, grain_capacity + 1)
         self.cursor = ti.field(ti.i32, grain_capacity + 1)
 
-    def _allocate_old(self):
-        """Fields that hold the memory of the pairs during a rebuild.
+    def _allocate_old(self) -> None:
+        """Allocate the fields that hold the memory of the pairs during a rebuild.
 
         Real numbers (normals, histories) are stashed in the pair forces and torques, which are evaluated anew after
         the rebuild anyway: the largest rows need no copy of their own. What does not fit there goes to a row `spare`.
@@ -78,11 +95,13 @@ class Pairs:
         spec, dim = self.spec, self.spec.dim
         saved = {"second_id", "part_code", "status", "feature", "free_until"}
         self.saved = [v for v in self.variables if v.name in saved]
+        # Components that need a place, and those of forces and torques that are free during a rebuild.
         stashed = [("normal", c) for c in range(dim if spec.remembers_normal else 0)]
         stashed += [("history", c) for c in range(spec.history)]
         free = [("pair_force", c) for c in range(dim)]
         free += [("pair_torque", c) for c in range(rotation_size(dim) if spec.rotates else 0)]
         places = [(getattr(self, name), c) for name, c in free[: len(stashed)]]
+        # What does not fit gets a field of its own.
         lacking = len(stashed) - len(places)
         if lacking > 0:
             self.sizes["spare"] = lacking
@@ -93,7 +112,7 @@ class Pairs:
 
     @ti.func
     def code(self, s):
-        """Which parts of the two grains list slot s is about; 0 for grains of one part."""
+        """Parts of the two grains to which slot s belongs, as `part_code`; 0 for grains of one part."""
         result = 0
         if ti.static(self.spec.multi_part):
             result = self.part_code[s]
@@ -101,7 +120,8 @@ class Pairs:
 
     @ti.func
     def rank(self, o, s):
-        """Order of old slot o against slot s of the same row: -1 before, 0 the same pair, 1 after."""
+        """Order of old slot o relative to slot s of the same row: -1 before, 0 the same pair, 1 after."""
+        # Rows rise in the id of the second grain, and among pairs of the same grains in the part.
         result = ti.select(self.old.second_id[o] < self.second_id[s], -1, 1)
         if self.old.second_id[o] == self.second_id[s]:
             result = 0
@@ -110,13 +130,13 @@ class Pairs:
                     result = ti.select(self.old.part_code[o] < self.part_code[s], -1, 1)
         return result
 
-    def bytes_per_pair(self):
-        """Memory of one list slot, the copy needed at a rebuild and the transpose included [bytes]."""
+    def bytes_per_pair(self) -> int:
+        """Memory of one list slot [bytes], with its copy during a rebuild and its entry in the transpose."""
         return bytes_per_row(self.variables, self.sizes) + bytes_per_row(self.saved, self.sizes) + 4
 
     @ti.func
     def save_slot(self, s):
-        """Copy what must survive a rebuild of the list. Overwrites the force and torque of the slot."""
+        """Copy what slot s remembers to `old`; this overwrites force and torque of the slot with its history."""
         self.old.second_id[s] = self.second_id[s]
         self.old.status[s] = self.status[s]
         if ti.static(self.spec.multi_part):
@@ -129,17 +149,18 @@ class Pairs:
 
     @ti.func
     def clear_forces(self, s):
-        """Set force and torque of slot s to zero; call when every slot has been restored."""
+        """Set force and torque of slot s to zero; only after every slot has been restored."""
         self.pair_force[s] = ti.Vector([0.0] * self.sizes["space"])
         if ti.static(self.spec.rotates):
             self.pair_torque[s] = ti.Vector([0.0] * self.sizes["rotation"])
 
     @ti.func
     def restore(self, s, o):
-        """Give slot s the memory of old slot o, or an empty one if o < 0."""
+        """Copy what old slot o remembered to slot s; a pair that was not listed before (o < 0) starts empty."""
+        # A new pair: features unknown, so that the search for them starts from the line of centres.
         self.status[s] = ti.cast(0, ti.i8)
         if ti.static(self.spec.remembers_features):
-            self.feature[s] = ti.Vector([-1, -1])  # not known yet
+            self.feature[s] = ti.Vector([-1, -1])
             self.free_until[s] = -1.0
         if ti.static(self.spec.history > 0):
             self.history[s] = ti.Vector([0.0] * self.spec.history)

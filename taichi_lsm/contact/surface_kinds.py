@@ -1,25 +1,47 @@
-"""Which contact geometry a set of shapes needs; a scene has one, and spheres need none."""
+"""The contact geometry that a set of shapes needs: one per scene, and none for spheres."""
+
+from collections.abc import Sequence
+from typing import Any
 
 from ..core.errors import InputError
 from .arc_chains import ChainTable
-from .ball_polyhedra import PolyhedronTable
 from .cone_patches import ConeTable
+from .polyhedron_table import PolyhedronTable
 
 TABLES = {"chain": ChainTable, "polyhedron": PolyhedronTable, "cones": ConeTable}
 CURVED = ("sphere", "chain")  # kinds with one radius of curvature at every contact
 
 
-def kind_of(shapes):
-    """Sphere | chain | polyhedron | cones. Discs and spheres go with every kind. Raises InputError for a mixture."""
-    first = {}
+def kind_of(shapes: Sequence[Any]) -> str:
+    """Kind of contact geometry that the shapes of a scene need.
+
+    Parameters
+    ----------
+    shapes : sequence of GrainShape
+        Shapes of the scene; discs and spheres go with every kind.
+
+    Returns
+    -------
+    str
+        "sphere", "chain", "polyhedron" or "cones".
+
+    Raises
+    ------
+    InputError
+        If the shapes need different kinds.
+    """
+    examples: dict[str, str] = {}  # name of the first shape of each kind, for the message
     for shape in shapes:
-        if shape.patch_count > 1 or shape.kind == "cones":  # the cone of a single patch need not be all directions
-            first.setdefault(shape.kind, shape.name)
-    if len(first) > 1:
-        raise InputError(f"Scene.shapes: surfaces of different kinds cannot meet, but there are {first}")
-    return next(iter(first), "sphere")
+        # A single patch is a full sphere, except among general cones, where its cone may be narrower.
+        if shape.patch_count > 1 or shape.kind == "cones":
+            examples.setdefault(shape.kind, shape.name)
+    if len(examples) > 1:
+        raise InputError(
+            f"Scene.shapes: kinds {examples}, must all be of one kind; only discs and spheres may be added"
+        )
+    return next(iter(examples), "sphere")
 
 
-def surface_table(kind, shapes):
-    """The device table of all parts of the shapes; None for spheres."""
+def surface_table(kind: str, shapes: Sequence[Any]) -> ChainTable | PolyhedronTable | ConeTable | None:
+    """Device table of all parts of the shapes of this kind; None for spheres."""
     return None if kind == "sphere" else TABLES[kind]([part for shape in shapes for part in shape.parts])

@@ -1,7 +1,9 @@
 """The errors that a caller is expected to catch: `InputError` before a run, `SimulationError` during one."""
 
+import math
 from collections.abc import Iterable, Mapping
 from os import PathLike
+from typing import Any
 
 
 class SimulationError(RuntimeError):
@@ -43,3 +45,31 @@ class InputError(ValueError):
 
     The message names the field or file, quotes the value, and says what is allowed and what to do.
     """
+
+
+def require(condition: object, owner: object, field: str, value: object, allowed: str) -> None:
+    """Raise InputError unless the value of a field is allowed.
+
+    Parameters
+    ----------
+    condition
+        True if the value is allowed.
+    owner
+        Effect or drive that the value was given to; the message names its class.
+    field
+        Name of the field.
+    value
+        What was given.
+    allowed
+        What the field must be, for example "> 0 Pa".
+    """
+    if not condition:
+        raise InputError(f"{type(owner).__name__}.{field} = {value!r}: must be {allowed}")
+
+
+def finite(value: Any) -> bool:
+    """Whether `value` is one finite number; False for text, None and arrays too."""
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False

@@ -86,14 +86,13 @@ the second rate of the depth in time (begin) or in reversed time (end).
 
 import copy
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.errors import finite, require
 from ..core.runtime import current, ti, when_allocated
 
 PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond")
@@ -293,20 +292,6 @@ class Effect:
 def effect_name(cls: type[Effect]) -> str:
     """Snake-case name of a class: CoulombFriction -> coulomb_friction."""
     return "".join(("_" if i and c.isupper() else "") + c.lower() for i, c in enumerate(cls.__name__))
-
-
-def require(condition: Any, effect: Effect, field: str, value: object, allowed: str) -> None:
-    """Raise InputError naming the effect's field, its value and what is allowed, unless the condition holds."""
-    if not condition:
-        raise InputError(f"{type(effect).__name__}.{field} = {value!r}: must be {allowed}")
-
-
-def finite(value: Any) -> bool:
-    """Whether `value` is one finite number; False for text, None and arrays too."""
-    try:
-        return math.isfinite(value)
-    except TypeError:
-        return False
 
 
 def check_elastic_constants(effect: Any) -> None:

@@ -163,14 +163,14 @@ class Monitor:
 
     def check_error_flags(self):
         """Stop at an error that a kernel reported, unless its guard is off."""
-        found = self.sim.error_flags.taken()
+        found = self.sim.error_flags.pop()
         if found is None:
             return
         code, k, l = found
         sim, guards = self.sim, self.sim.scene.guards
         x = sim.state.position.to_numpy()
         if code == OVERLAP and guards.overlap:
-            apart = sim.domain.apart(x[k], x[l])
+            apart = sim.domain.displacement_on_host(x[k], x[l])
             self._stop(
                 f"grains {k} and {l}: their overlap reached the limit at which the contact is no longer unique, their "
                 f"centres are {np.linalg.norm(apart):g} m apart; use stiffer grains or less stress",

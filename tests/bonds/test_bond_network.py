@@ -132,6 +132,7 @@ def test_wrong_bonds_are_refused():
         ([[1, 1]], "itself"),
         ([[0, 1], [1, 0]], "twice"),
         ([[0.0, 1.0]], "integers"),
+        ([[0, 1], [2]], "integers"),
         ([[1, 2]], "apart"),
         (None, "both or neither"),
     ):

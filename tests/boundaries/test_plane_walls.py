@@ -245,12 +245,22 @@ def test_walls_that_make_no_sense_are_refused():
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 0.0)))
     with pytest.raises(lsm.InputError, match="wall 'a': velocity = .*, must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), 3.0))
+    with pytest.raises(lsm.InputError, match="wall 'a': point = 'origin', must be 2 finite numbers"):
+        walls(lsm.PlaneWall("a", "origin", (0.0, 1.0)))
     with pytest.raises(lsm.InputError, match="zero along periodic axes"):
         walls(BOX[1], lengths=(9.0, np.inf), periodic=(True, False))
     with pytest.raises(lsm.InputError, match="no single deepest point"):
         clump = lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
         walls(FLOOR, shapes=[clump], effects=[lsm.LinearElastic(K)])
     walls(FLOOR, lengths=(9.0, np.inf), periodic=(True, False))
+
+
+def test_velocity_that_makes_no_sense_is_refused(discs):
+    settings(discs, HALL)
+    with pytest.raises(lsm.InputError, match="wall 'nowhere': no such wall, must be one of .*'floor'"):
+        discs.walls.set_velocity("nowhere", (0.0, 0.0))
+    with pytest.raises(lsm.InputError, match="wall 'floor': velocity = 'fast', must be 2 finite numbers"):
+        discs.walls.set_velocity("floor", "fast")
 
 
 def test_a_grain_that_goes_through_a_wall_stops_the_run(discs):

@@ -149,11 +149,20 @@ def test_drive_of_another_kind_is_refused(press):
         press.platens.set("ram", 0, lsm.Fixed())
 
 
+def test_drive_of_a_platen_or_an_axis_that_there_is_not_is_refused(press):
+    with pytest.raises(lsm.InputError, match="platen 'lid': no such platen, must be one of .*'press'"):
+        press.platens.set("lid", 1, servo(STRESS))
+    with pytest.raises(lsm.InputError, match="platen 'press', axis 2: must be one of"):
+        press.platens.set("press", 2, servo(STRESS))
+
+
 @pytest.mark.parametrize(
     "make, field",
     [
         (lambda: lsm.ConstantVelocity(np.nan), "velocity"),
+        (lambda: lsm.ConstantVelocity("fast"), "velocity"),
         (lambda: lsm.ConstantVelocity(1.0, 0.0), "acceleration"),
+        (lambda: lsm.ConstantVelocity(1.0, None), "acceleration"),
         (lambda: lsm.ServoStress(0.0, 1, 1.0, 1.0, 1.0), "stress"),
         (lambda: lsm.ServoStress(1.0, 0, 1.0, 1.0, 1.0), "outward"),
         (lambda: lsm.ServoStress(1.0, 1, -1.0, 1.0, 1.0), "stiffness"),
@@ -171,6 +180,7 @@ def test_values_out_of_range_name_the_drive_and_the_field(make, field):
     "platens, message",
     [
         ([lsm.Platen("wall", [lsm.Fixed()])], "'wall': 1 drives"),
+        ([lsm.Platen("wall", [lsm.Fixed(), 0.5])], "'wall': drive 0.5, must be one of .*'Fixed'"),
         ([lsm.Platen("wall", [lsm.Fixed()] * 2), lsm.Platen("none", [lsm.Fixed()] * 2)], "'none': no grain"),
     ],
 )

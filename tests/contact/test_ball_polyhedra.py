@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
-from taichi_lsm.contact.ball_polyhedra import PolyhedronTable
+from taichi_lsm.contact.polyhedron_table import PolyhedronTable
 from taichi_lsm.core.runtime import ti
 from tests.helpers import scenes
 

@@ -7,7 +7,7 @@ import taichi_lsm as lsm
 from taichi_lsm.boundaries.periodic_cell import Domain
 from taichi_lsm.contact import neighbour_search
 from taichi_lsm.contact.neighbour_list import NeighbourList, grown
-from taichi_lsm.contact.neighbour_search import ROOM, SORT_INTERVAL, NeighbourSearch, morton_code
+from taichi_lsm.contact.neighbour_search import BUFFER, SORT_INTERVAL, NeighbourSearch, morton_code
 from taichi_lsm.contact.pair_storage import Pairs
 from taichi_lsm.stepping.grain_state import Grains
 from taichi_lsm.stepping.kernel_spec import KernelSpec
@@ -109,7 +109,7 @@ def test_list_holds_every_near_pair_once_in_order(finders, dim, case):
         for a, b in zip(starts[:-1], starts[1:]):
             assert np.all(np.diff(listed[a:b, 1]) > 0)
         if case == "crowded":  # rows that were not noted whole while they were counted
-            assert np.diff(starts).max() > ROOM
+            assert np.diff(starts).max() > BUFFER
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from taichi_lsm.contact import arc_chains, ball_polyhedra, cone_patches, part_table
+from taichi_lsm.contact import arc_chains, cone_patches, part_table, polyhedron_table
 from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.schema import DTYPES, Variable
 from taichi_lsm.measure.sheared_layer import layer_rows
@@ -41,8 +41,8 @@ def test_refusals_name_the_row(changes, message):
 def test_names_are_unique_and_dtypes_known():
     surfaces = [
         arc_chains.PATCH_ROWS,
-        ball_polyhedra.FEATURE_ROWS,
-        ball_polyhedra.BOUND_ROWS,
+        polyhedron_table.FEATURE_ROWS,
+        polyhedron_table.BOUND_ROWS,
         cone_patches.patch_rows(),
         part_table.BALL_ROWS,
     ]

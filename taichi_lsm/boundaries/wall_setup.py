@@ -1,0 +1,77 @@
+"""Plane walls of a scene before anything is compiled: what defines a wall, and the checks of it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+
+
+@dataclass
+class PlaneWall:
+    """Half-space of infinite mass beyond a plane.
+
+    Parameters
+    ----------
+    name : str
+        Name in files and error messages.
+    point : tuple (dim,)
+        Point on the plane at the start [m].
+    normal : tuple (dim,)
+        Normal of the plane into the grains, of any length.
+    velocity : tuple (dim,) or 0
+        Constant velocity [m s-1]; along the plane it drags the grains. `Walls.set_velocity` changes it between runs.
+    """
+
+    name: str
+    point: tuple
+    normal: tuple
+    velocity: tuple | float = 0.0
+
+
+def check_walls(scene: Any) -> None:
+    """Refuse walls that make no sense in a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene; without walls it always passes.
+
+    Raises
+    ------
+    InputError
+        If a name is missing or not unique, a point, normal or velocity is not a finite vector, a normal is zero or
+        points along a periodic axis, a shape has no single deepest point, or a mobile grain starts beyond a wall.
+    """
+    names = [wall.name for wall in scene.walls]
+    if len(set(names)) < len(names) or not all(names):
+        raise InputError(f"Scene.walls: names {names}, must be given and all different")
+    kinds = sorted({s.name for s in scene.shapes if s.kind == "cones" or len(s.parts) > 1})
+    if scene.walls and kinds:
+        raise InputError(f"Scene.walls: {kinds[0]!r} has more than one part or general cones: no single deepest point")
+    for wall in scene.walls:
+        for name in ("point", "normal", "velocity"):
+            given = getattr(wall, name)
+            value = as_vector(given)
+            at_rest = name == "velocity" and value.shape == () and value == 0.0
+            if not at_rest and (value.shape != (scene.dim,) or not np.isfinite(value).all()):
+                raise InputError(f"wall {wall.name!r}: {name} = {given!r}, must be {scene.dim} finite numbers")
+        normal = np.asarray(wall.normal, float)
+        if not np.linalg.norm(normal) > 0.0:
+            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must not be zero")
+        if any(repeats and n != 0.0 for n, repeats in zip(normal, scene.periodic, strict=True)):
+            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along periodic axes")
+        height = (scene.position - np.asarray(wall.point, float)) @ normal
+        beyond = np.flatnonzero((height <= 0.0) & (scene.platen_index < 0))
+        if len(beyond):
+            raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it, must be inside")
+
+
+def as_vector(given: Any) -> NDArray:
+    """Array of the numbers that were given; an empty one, which no check accepts, if they are no numbers."""
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError):
+        return np.empty(0)
