@@ -24,7 +24,7 @@ _HOME = {
     "Fixed": "boundaries.platen_drives",
     "ConstantVelocity": "boundaries.platen_drives",
     "ServoStress": "boundaries.platen_drives",
-    "PlaneWall": "boundaries.plane_walls",
+    "PlaneWall": "boundaries.wall_setup",
     "SpringLoadPoint": "boundaries.platen_drives",
     "LinearElastic": "effects.linear_elastic",
     "Hertz": "effects.hertz",
