@@ -20,6 +20,8 @@ from .union import Union, crossed_bars, place_part, union
 from .voronoi_grains import random_angular_shapes, regular_polygon, voronoi_packing
 from .voronoi_tiles import PolygonMeasures, polygon_measures, voronoi_tiles
 
+GrainShape.from_patches = staticmethod(from_patches)
+
 __all__ = [
     "Aggregate",
     "ArcChain",

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from .input_checks import check_positive, number_array
-
-if TYPE_CHECKING:
-    from .arc_chain import ArcChain
-    from .cone_patches import PatchGrain
 
 # Centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and half-angle (patches,) [rad].
 Patches = tuple[NDArray, NDArray, NDArray, NDArray]
@@ -73,6 +70,9 @@ class GrainShape:
     Arrays are copied, float64 and read-only. Shapes compare and hash by identity.
     """
 
+    # The maker of a grain of any patches, `from_patches`; the package sets it, for a subclass is unknown here.
+    from_patches: ClassVar[Callable[..., GrainShape]]
+
     name: str
     dim: int
     measure: float
@@ -104,40 +104,6 @@ class GrainShape:
     def _content(self) -> tuple[str, ...]:
         """What the surface consists of, as `repr` says it."""
         return (counted(self.patch_count, "patch", "patches"),)
-
-    @staticmethod
-    def from_patches(
-        centre: ArrayLike,
-        radius: ArrayLike,
-        axis: ArrayLike,
-        half_angle: ArrayLike,
-        *,
-        name: str = "patches",
-        measure: float | None = None,
-        inertia: ArrayLike | None = None,
-        normalise: bool = True,
-    ) -> PatchGrain:
-        """A grain of any spherical patches; the same as `taichi_lsm.shapes.from_patches`.
-
-        Parameters
-        ----------
-        centre, radius, axis, half_angle, name, measure, inertia, normalise
-            See `taichi_lsm.shapes.from_patches`.
-
-        Returns
-        -------
-        PatchGrain
-            The grain, in its body frame.
-
-        Raises
-        ------
-        InputError
-            If a value is out of range.
-        """
-        from .cone_patches import from_patches  # a subclass, unknown when this module is read
-
-        mass = {"measure": measure, "inertia": inertia}
-        return from_patches(centre, radius, axis, half_angle, name=name, **mass, normalise=normalise)
 
     @property
     def kind(self) -> str:
@@ -184,7 +150,7 @@ class GrainShape:
 
 
 LENGTHS = ("centre", "radius", "bounding_radius", "overlap_limit", "lever")
-Scalable = TypeVar("Scalable", "ArcChain", "PatchGrain")
+Scalable = TypeVar("Scalable", bound=GrainShape)
 
 
 def rescaled(shape: Scalable, factor: float) -> Scalable:

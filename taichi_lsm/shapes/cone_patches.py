@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from .base import GrainShape, Patches, frozen_array
-from .geometry import even_directions
+from .geometry import even_directions, principal_frame
 from .input_checks import check_positive, number_array
 from .patch_mass import DIRECTIONS, surface_moments, surface_of_patches
 
@@ -244,22 +244,11 @@ def from_patches(
     dim = p.shape[1]
     _check_patches(dim, p, r, e, alpha)
     if measure is None or inertia is None:
-        trial = _grain(name, dim, p, r, e, alpha, 1.0, np.ones(1 if dim == 2 else 3))
-        gaps = trial.coverage()
-        if np.any(alpha < np.pi) and sum(gaps) > CLOSED:
-            raise InputError(
-                f"measure, inertia: must be given, for the patches enclose no definite body: {gaps.uncovered:.3g} of "
-                f"the directions are uncovered and {gaps.doubly_covered:.3g} covered twice"
-            )
+        _check_closed(p, r, e, alpha)
         measure, centroid, second = surface_moments(*surface_of_patches(p, r, e, alpha))
+        moments, frame = principal_frame(second - measure * np.outer(centroid, centroid))
         p = p - centroid
-        second = second - measure * np.outer(centroid, centroid)
-        if dim == 2:
-            moments = np.array([np.trace(second)])
-        else:
-            tensor = np.trace(second) * np.eye(3) - second
-            moments, frame = np.linalg.eigh(tensor)
-            frame = frame * np.sign(np.linalg.det(frame))
+        if dim == 3:
             p, e = p @ frame, e @ frame
     else:
         moments = number_array("inertia", inertia)
@@ -269,6 +258,17 @@ def from_patches(
         factor = (unit / measure) ** (1.0 / dim)
         p, r, measure, moments = p * factor, r * factor, unit, moments * factor ** (dim + 2)
     return _grain(name, dim, p, r, e, alpha, measure, moments)
+
+
+def _check_closed(p: NDArray, r: NDArray, e: NDArray, alpha: NDArray) -> None:
+    """Refuse partial patches whose cones leave gaps or overlap so much that they enclose no definite body."""
+    dim = p.shape[1]
+    gaps = _grain("trial", dim, p, r, e, alpha, 1.0, np.ones(1 if dim == 2 else 3)).coverage()
+    if np.any(alpha < np.pi) and sum(gaps) > CLOSED:
+        raise InputError(
+            f"measure, inertia: must be given, for the patches enclose no definite body: {gaps.uncovered:.3g} of "
+            f"the directions are uncovered and {gaps.doubly_covered:.3g} covered twice"
+        )
 
 
 def _grain(

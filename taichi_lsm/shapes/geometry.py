@@ -40,6 +40,18 @@ def polygon_integrals(vertices: NDArray) -> tuple[float, NDArray, NDArray]:
     return float(c.sum()), first, np.einsum("k,kij->ij", c, outer)
 
 
+def principal_frame(second: NDArray) -> tuple[NDArray, NDArray]:
+    """Moments of inertia and their frame, from second moments int x x^T (dim, dim) about the centre of mass.
+
+    In 2D the polar moment (1,) and the identity; in 3D the principal moments (3,), ascending, and the rotation matrix
+    (3, 3) whose columns are their axes.
+    """
+    if len(second) == 2:
+        return np.array([np.trace(second)]), np.eye(2)
+    moments, frame = np.linalg.eigh(np.trace(second) * np.eye(3) - second)
+    return moments, frame * np.sign(np.linalg.det(frame))
+
+
 def deepest_point(normals: NDArray, distances: NDArray) -> tuple[NDArray, float]:
     """Point x (dim,) and greatest t with normals[i] . x + t <= distances[i], by a linear programme.
 

@@ -54,22 +54,7 @@ def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", n
     -----
     The chain closes if the sum of r_i (n_(i+1) - n_i) over its arcs is 0, n_i the normal at breaks[i].
     """
-    breaks, radius = number_array("breaks", breaks), number_array("radii", radii)
-    if breaks.ndim != 1 or breaks.size < 3 or radius.shape != breaks.shape:
-        raise InputError(f"breaks and radii have shapes {breaks.shape}, {radius.shape}: must be (n,), n >= 3, both")
-    if not np.all(np.isfinite(breaks)):
-        raise InputError(f"breaks = {breaks}: must be finite")
-    if not np.all((radius > 0) & np.isfinite(radius)):
-        raise InputError(f"radii = {radius}: must be finite and > 0")
-    span = np.diff(breaks, append=breaks[0] + 2 * np.pi)
-    if np.any(span <= 0) or np.any(span >= np.pi):
-        raise InputError(f"breaks turn by {span} rad: each step must be more than 0 and less than pi")
-    seam = unit_normals(breaks)
-    gap = float(np.linalg.norm(radius @ (np.roll(seam, -1, axis=0) - seam)))
-    size = float(radius @ span) / np.pi
-    if gap > CHAIN_TOLERANCE * size:
-        raise InputError(f"radii leave the chain open by {gap:.3g}: must close to {CHAIN_TOLERANCE * size:.3g}")
-
+    breaks, radius, span, seam = _checked_arcs(breaks, radii)
     centre = np.zeros((radius.size, 2))
     centre[1:] = np.cumsum((radius[:-1] - radius[1:])[:, None] * seam[1:], axis=0)
     centre -= _area_and_moment(centre, radius, breaks, span)[1]
@@ -91,6 +76,26 @@ def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", n
         overlap_limit=float(radius.min()),
         lever=lever,
     )
+
+
+def _checked_arcs(breaks: ArrayLike, radii: ArrayLike) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Break angles, radii, spans (n,) and seams (n, 2) of arcs that are a closed chain; InputError for others."""
+    breaks, radius = number_array("breaks", breaks), number_array("radii", radii)
+    if breaks.ndim != 1 or breaks.size < 3 or radius.shape != breaks.shape:
+        raise InputError(f"breaks and radii have shapes {breaks.shape}, {radius.shape}: must be (n,), n >= 3, both")
+    if not np.all(np.isfinite(breaks)):
+        raise InputError(f"breaks = {breaks}: must be finite")
+    if not np.all((radius > 0) & np.isfinite(radius)):
+        raise InputError(f"radii = {radius}: must be finite and > 0")
+    span = np.diff(breaks, append=breaks[0] + 2 * np.pi)
+    if np.any(span <= 0) or np.any(span >= np.pi):
+        raise InputError(f"breaks turn by {span} rad: each step must be more than 0 and less than pi")
+    seam = unit_normals(breaks)
+    gap = float(np.linalg.norm(radius @ (np.roll(seam, -1, axis=0) - seam)))
+    size = float(radius @ span) / np.pi
+    if gap > CHAIN_TOLERANCE * size:
+        raise InputError(f"radii leave the chain open by {gap:.3g}: must close to {CHAIN_TOLERANCE * size:.3g}")
+    return breaks, radius, span, seam
 
 
 def _area_and_moment(centre: NDArray, radius: NDArray, breaks: NDArray, span: NDArray) -> tuple[float, NDArray, float]:
@@ -213,15 +218,7 @@ def from_polygon(
     the programme is feasible exactly for corner radii up to the inscribed radius of the polygon.
     """
     points, size = _convex_sides(vertices)
-    if not 0 < side_half_width < 0.5 * np.pi:
-        raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
-    check_at_least("arcs_per_corner", arcs_per_corner, 1)
-    check_positive("corner_radius", corner_radius)
-    if not corner_radius <= largest_radius * size:
-        raise InputError(
-            f"largest_radius = {largest_radius} polygon diameters: must be at least the corner radius, "
-            f"{corner_radius / size:.6g} of them, or no chain exists"
-        )
+    _check_fit(size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
     side = np.roll(points, -1, axis=0) - points
     phi = np.unwrap(np.arctan2(-side[:, 0], side[:, 1]))
     normal = unit_normals(phi)
@@ -235,6 +232,21 @@ def from_polygon(
             f"corner_radius = {corner_radius}: too large for the polygon, at most {inscribed * size:.6g} fits"
         )
     return arc_chain(breaks, radius if normalise else size * radius, name=name, normalise=normalise)
+
+
+def _check_fit(
+    size: float, corner_radius: float, side_half_width: float, arcs_per_corner: int, largest_radius: float
+) -> None:
+    """Refuse parameters of `from_polygon` out of range, for a polygon of equivalent diameter `size`."""
+    if not 0 < side_half_width < 0.5 * np.pi:
+        raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
+    check_at_least("arcs_per_corner", arcs_per_corner, 1)
+    check_positive("corner_radius", corner_radius)
+    if not corner_radius <= largest_radius * size:
+        raise InputError(
+            f"largest_radius = {largest_radius} polygon diameters: must be at least the corner radius, "
+            f"{corner_radius / size:.6g} of them, or no chain exists"
+        )
 
 
 def _convex_sides(vertices: ArrayLike) -> tuple[NDArray, float]:

@@ -86,11 +86,15 @@ def from_planes_and_frame(
 
 
 def corners_of(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
-    """Vertices (m, 3) of the polyhedron n . x <= h, given a point inside."""
+    """Vertices (m, 3) of the polyhedron n . x <= h, given a point inside; InputError if it is not bounded."""
     try:
-        return scipy.spatial.HalfspaceIntersection(np.column_stack([n, -h]), inside).intersections
+        with np.errstate(divide="ignore", invalid="ignore"):  # vertices at infinity
+            vertices = scipy.spatial.HalfspaceIntersection(np.column_stack([n, -h]), inside).intersections
     except scipy.spatial.QhullError as error:
         raise InputError(f"normals, distances: the planes enclose no body ({error})") from None
+    if not np.all(np.isfinite(vertices)):
+        raise InputError("normals, distances: the planes enclose no bounded body; add planes on its open side")
+    return vertices
 
 
 def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, NDArray]:
@@ -114,7 +118,7 @@ def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, N
         centres.append(own.mean(axis=0) + six_first / (3.0 * twice_area) @ across)
         kept.append(i)
     if not kept:
-        raise InputError("normals, distances: the planes enclose no body with a face")
+        raise InputError("normals, distances: the planes enclose no body with a face that is not tiny")
     return np.array(centres), np.array(kept)
 
 

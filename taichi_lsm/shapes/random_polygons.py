@@ -5,18 +5,19 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .corner_radius import meeting_corner
-from .dilated_balls import SLACK
 from .geometry import unit_normals
-from .input_checks import check_at_least, check_between, check_corner_radius, check_fewest_and_most, random_generator
+from .input_checks import check_fewest_and_most
 from .polygon_fit import arc_chain
+from .random_draws import check_request, closed_grains, slack_of
 
 FLATTEST = 5.0  # radius of a side's arc, in sizes of the ellipse
-TRIES = 20  # draws of one random grain
+JITTER = 0.25  # of the distance of neighbouring sides: by how much their directions are moved
 
 
 def tangent_arcs(points: NDArray, normals: NDArray, radius: NDArray, corner_radius: float, name: str) -> ArcChain:
@@ -91,32 +92,20 @@ def random_polygons(
     that leaves the others their place), but never less than 1/5 of the inverse size of the ellipse. The sides touch at
     even angles of the ellipse, moved by up to a quarter of their distance.
     """
-    check_at_least("count", count, 0)
+    check_request(count, elongation, angularity, corner_radius)
     check_fewest_and_most("sides", sides, 4)
-    check_between("elongation", elongation, 1, 4)
-    check_between("angularity", angularity, 0, 1)
-    check_corner_radius(corner_radius)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, -1.0])
-    slack = SLACK / max(1.0 - angularity, 1e-6)
+    slack = slack_of(angularity)
 
-    def grain(k: int) -> ArcChain:
-        """The k-th grain of the seed, from the first draw that closes."""
-        rng, error = random_generator([seed, k]), None
-        name = f"random polygon {seed}-{k}"
-        for _ in range(TRIES):
-            m = int(rng.integers(sides[0], sides[1] + 1))
-            u = unit_normals((np.arange(m) + rng.uniform() + rng.uniform(-0.25, 0.25, m)) * 2.0 * np.pi / m)
-            n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
-            try:
-                return meeting_corner(partial(_touching, axes * u, n, slack, name), corner_radius, axes[1])
-            except InputError as failure:  # a side that vanishes between its neighbours: another draw
-                error = failure
-        raise InputError(
-            f"sides = {sides}, elongation = {elongation}, angularity = {angularity}, corner_radius = {corner_radius}: "
-            f"no grain in {TRIES} draws ({error}); ask for a smaller corner radius, elongation or angularity"
-        )
+    def draw(rng: Generator, name: str) -> ArcChain:
+        """A grain of a random number of sides, whose normals are even over the ellipse but for jitter."""
+        m = int(rng.integers(sides[0], sides[1] + 1))
+        u = unit_normals((np.arange(m) + rng.uniform() + rng.uniform(-JITTER, JITTER, m)) * 2.0 * np.pi / m)
+        n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
+        return meeting_corner(partial(_touching, axes * u, n, slack, name), corner_radius, axes[1])
 
-    return [grain(k) for k in range(count)]
+    request = f"{sides = }, {elongation = }, {angularity = }, {corner_radius = }"
+    return closed_grains(draw, count, seed, "random polygon", request)
 
 
 def _touching(points: NDArray, normals: NDArray, slack: float, name: str, corner_radius: float) -> ArcChain:

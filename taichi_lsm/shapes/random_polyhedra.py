@@ -6,26 +6,26 @@ from functools import partial
 
 import numpy as np
 import scipy
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from .ball_polyhedron import BallPolyhedron
 from .corner_radius import meeting_corner
-from .dilated_balls import SLACK, tangent_ball_polyhedron
+from .dilated_balls import tangent_ball_polyhedron
 from .geometry import even_directions
 from .input_checks import (
     Seed,
     check_at_least,
-    check_between,
     check_corner_radius,
     check_fewest_and_most,
     random_generator,
 )
 from .polyhedra import FLATNESS, rounded_polyhedron
+from .random_draws import check_request, closed_grains, slack_of
 
 TILES_PER_BATCH = 64  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
 BARREN_BATCHES = 8  # batches without one acceptable tile after which the request counts as impossible
-TRIES = 20  # draws of one random grain
 JITTER = 0.25  # of the distance of neighbouring faces: by how much their directions are moved
 
 
@@ -70,36 +70,23 @@ def random_polyhedra(
     that leaves the others their place), but never less than 1/5 of the inverse size of the ellipsoid. Directions of the
     faces are even over the sphere, moved by up to a quarter of their distance and rotated at random.
     """
-    check_at_least("count", count, 0)
+    check_request(count, elongation, angularity, corner_radius)
     check_fewest_and_most("faces", faces, 6)
-    check_between("elongation", elongation, 1, 4)
-    check_between("angularity", angularity, 0, 1)
-    check_corner_radius(corner_radius)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, 0.0, -1.0])
-    slack = SLACK / max(1.0 - angularity, 1e-6)
+    slack = slack_of(angularity)
 
-    def grain(k: int) -> BallPolyhedron:
-        """The k-th grain of the seed, from the first draw that closes."""
-        rng, error = random_generator([seed, k]), None
-        for _ in range(TRIES):
-            u = even_directions(int(rng.integers(faces[0], faces[1] + 1)))
-            u = u + JITTER * np.sqrt(4.0 * np.pi / len(u)) * rng.uniform(-1.0, 1.0, u.shape)
-            u = u @ scipy.spatial.transform.Rotation.random(rng=rng).as_matrix().T
-            u /= np.linalg.norm(u, axis=1, keepdims=True)
-            n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
-            make = partial(
-                tangent_ball_polyhedron, axes * u, n, slack=slack, largest_radius=FLATNESS, name=f"random {seed}-{k}"
-            )
-            try:
-                return meeting_corner(make, corner_radius, axes[2])
-            except ValueError as failure:  # slivers, on which any step of the fit may fail: another draw
-                error = failure
-        raise InputError(
-            f"faces = {faces}, elongation = {elongation}, angularity = {angularity}, corner_radius = {corner_radius}: "
-            f"no grain in {TRIES} draws ({error}); ask for a smaller corner radius, elongation or angularity"
-        )
+    def draw(rng: Generator, name: str) -> BallPolyhedron:
+        """A grain of a random number of faces, whose normals are even over the ellipsoid but for jitter."""
+        u = even_directions(int(rng.integers(faces[0], faces[1] + 1)))
+        u = u + JITTER * np.sqrt(4.0 * np.pi / len(u)) * rng.uniform(-1.0, 1.0, u.shape)
+        u = u @ scipy.spatial.transform.Rotation.random(rng=rng).as_matrix().T
+        u /= np.linalg.norm(u, axis=1, keepdims=True)
+        n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
+        fit = partial(tangent_ball_polyhedron, axes * u, n, slack=slack, largest_radius=FLATNESS, name=name)
+        return meeting_corner(fit, corner_radius, axes[2])
 
-    return [grain(k) for k in range(count)]
+    request = f"{faces = }, {elongation = }, {angularity = }, {corner_radius = }"
+    return closed_grains(draw, count, seed, "random", request)
 
 
 def random_angular_polyhedra(

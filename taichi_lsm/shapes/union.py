@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import overload
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +13,12 @@ from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
 from .base import GrainShape, Patches, counted
-from .geometry import even_directions, polygon_integrals, unit_normals
+from .geometry import even_directions, polygon_integrals, principal_frame, unit_normals
 from .input_checks import check_positive
 from .polygon_fit import from_polygon
 
 ConvexShape = ArcChain | BallPolyhedron
+Part = TypeVar("Part", ArcChain, BallPolyhedron)
 
 OUTLINE_POINTS = 4000  # of a part; two such outlines give moments to about 1e-8
 GRID = 72  # cells per axis that measure a 3D union, to about 1e-3
@@ -96,17 +97,7 @@ def _ball_about(part: ConvexShape) -> tuple[NDArray, float]:
     return middle, float(np.linalg.norm(x - middle, axis=1).max()) * BALL_MARGIN
 
 
-@overload
-def place_part(
-    shape: ArcChain, offset: ArrayLike, rotation: float | NDArray = ..., factor: float = ...
-) -> ArcChain: ...
-@overload
-def place_part(
-    shape: BallPolyhedron, offset: ArrayLike, rotation: float | NDArray = ..., factor: float = ...
-) -> BallPolyhedron: ...
-def place_part(
-    shape: ConvexShape, offset: ArrayLike, rotation: float | NDArray = 0.0, factor: float = 1.0
-) -> ConvexShape:
+def place_part(shape: Part, offset: ArrayLike, rotation: float | NDArray = 0.0, factor: float = 1.0) -> Part:
     """A convex shape as a part of a union: scaled, rotated, then moved.
 
     Parameters
@@ -198,12 +189,7 @@ def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> Uni
     """The grain of two parts or more; see `union`."""
     dim = members[0].dim
     measure, centroid, second = _moments_2d(members) if dim == 2 else _moments_3d(members)
-    frame = np.eye(dim)
-    if dim == 2:
-        inertia = np.array([np.trace(second)])
-    else:
-        inertia, frame = np.linalg.eigh(np.trace(second) * np.eye(3) - second)
-        frame = frame * np.sign(np.linalg.det(frame))
+    inertia, frame = principal_frame(second)
     unit = np.pi / 4 if dim == 2 else np.pi / 6
     factor = (unit / measure) ** (1.0 / dim) if normalise else 1.0
     inertia = inertia * factor ** (dim + 2)
@@ -304,7 +290,8 @@ def crossed_bars(arm_ratio: float = 3.0, corner_radius: float = 0.05) -> Union:
     arm_ratio : float
         Length over width of a bar, finite and > 1.
     corner_radius : float
-        Least radius of a corner in equivalent diameters of the cross, > 0 and at most half the width of a bar.
+        Least radius of a corner in equivalent diameters of the cross before its corners are rounded, > 0 and at most
+        half the width of a bar.
 
     Returns
     -------
