@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from .input_checks import check_positive, number_array
+
+if TYPE_CHECKING:
+    from .cone_patches import PatchGrain
 
 # Centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and half-angle (patches,) [rad].
 Patches = tuple[NDArray, NDArray, NDArray, NDArray]
@@ -71,7 +74,7 @@ class GrainShape:
     """
 
     # The maker of a grain of any patches, `from_patches`; the package sets it, for a subclass is unknown here.
-    from_patches: ClassVar[Callable[..., GrainShape]]
+    from_patches: ClassVar[Callable[..., PatchGrain]]
 
     name: str
     dim: int

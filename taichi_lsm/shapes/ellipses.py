@@ -19,7 +19,7 @@ from ..core.errors import SimulationError
 from .arc_chain import ArcChain
 from .geometry import unit_normals
 from .input_checks import check_at_least, check_between, check_corner_radius
-from .polygon_fit import arc_chain
+from .polygon_fit import arc_chain, closed_radii
 
 SAMPLES = 8  # normals per arc at which the support function is fitted
 CLOSURE_WEIGHT = 1e4  # of the open end against one sample; what it leaves is removed afterwards
@@ -179,10 +179,4 @@ def fit_support(
     answer = scipy.optimize.lsq_linear(system, target, (low, high), method="bvls", max_iter=20 * count)
     if not answer.success:
         raise SimulationError(f"the least-squares fit of {count} arcs failed: {answer.message}")
-    radius = np.clip(answer.x[2:], least, most)
-    # The radii off their bounds take what still leaves the chain open, in the least-squares sense.
-    free = (radius > least * (1 + 1e-9)) & (radius < most * (1 - 1e-9))
-    radius[radius <= least * (1 + 1e-9)] = least
-    if free.sum() >= 2:
-        radius[free] -= np.linalg.lstsq(step[free].T, step.T @ radius, rcond=None)[0]
-    return radius, answer.x[:2]
+    return closed_radii(np.clip(answer.x[2:], least, most), step, least, most), answer.x[:2]

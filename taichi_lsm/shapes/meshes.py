@@ -101,7 +101,10 @@ def _checked(mesh: str | PathLike[str] | trimesh.Trimesh) -> trimesh.Trimesh:
 
     label = "mesh"
     if not isinstance(mesh, trimesh.Trimesh):
-        path = Path(mesh)
+        try:
+            path = Path(mesh)
+        except TypeError:
+            raise InputError(f"mesh = {mesh!r}: must be a file or a trimesh.Trimesh") from None
         label = f"mesh {path}"
         if not path.is_file():
             raise InputError(f"mesh {path}: no such file")

@@ -319,11 +319,14 @@ def _fit_radii(
         return None
     if answer.status != 0:
         raise SimulationError(f"the linear programme of the fit to the polygon failed: {answer.message}")
-    return _close(np.clip(answer.x[2:], least, most), step, least, most)
+    return closed_radii(np.clip(answer.x[2:], least, most), step, least, most)
 
 
-def _close(radius: NDArray, step: NDArray, least: float, most: float) -> NDArray:
-    """The radii, changed as little as closes the chain to rounding; the solver leaves it open by 1e-10."""
+def closed_radii(radius: NDArray, step: NDArray, least: float, most: float) -> NDArray:
+    """The radii (n,), changed as little as closes the chain to rounding; a solver leaves it open by 1e-10.
+
+    step (n, 2): n_(i+1) - n_i of every arc. Only radii off their bounds `least` and `most` change.
+    """
     radius = np.where(radius < least * (1 + 1e-9), least, radius)
     free = (radius > least) & (radius < most * (1 - 1e-9))
     if free.sum() >= 2:

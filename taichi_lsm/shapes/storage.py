@@ -51,7 +51,7 @@ def save_shapes(path: str | PathLike[str], shapes: Sequence[GrainShape]) -> None
             {
                 "title": "Grain shapes",
                 "Conventions": "CF-1.11, ACDD-1.3",
-                "summary": "One group per shape; lengths in units of the scale of the shape, body frame.",
+                "summary": "One group per shape; lengths in diameters of the shape, body frame.",
                 "source": "taichi_lsm",
                 "shapes": np.int64(len(shapes)),
             }

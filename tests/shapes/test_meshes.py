@@ -117,6 +117,8 @@ def test_a_mesh_comes_back_as_a_grain_of_its_volume(tmp_path, name, kind):
 
 
 def test_bad_meshes_get_a_clear_answer(tmp_path):
+    with pytest.raises(InputError, match="mesh = 3: must be a file"):
+        from_mesh(3)
     box = trimesh.creation.box()
     holed = trimesh.Trimesh(box.vertices, box.faces[:-1])
     flat = trimesh.Trimesh(box.vertices * [1, 1, 0], box.faces, process=False)
