@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
+from .geometry import even_directions
+
 MERGE = 1e-9  # of the size: vertices nearer than this are one, edges shorter than this are none
-GUARD_DIRECTIONS = 3000  # that look for false normals of a face
+GUARD_DIRECTIONS = 3000  # among which false normals of a face are sought
 LONGEST_EDGE = np.radians(120.0)  # of an edge's arc; longer ones are cut, for a wedge must stay below pi
 
 
@@ -16,9 +20,10 @@ LONGEST_EDGE = np.radians(120.0)  # of an edge's arc; longer ones are cut, for a
 class Features:
     """Features of a cell of balls, in the order faces, edges, vertices; see BallPolyhedron. Core only, no dilation.
 
-    centre (f, 3); radius (f,): of a face's ball, else 0; axis (f, 3), rho (f,): circle of an edge, axis out of its
-    first face; side (edges, 2): its faces; start, span (edges,) [rad]: its arc, from `across` (edges, 3, 2), two unit
-    vectors; ends (edges, 2): vertices, -1 at a cut; bounds as in BallPolyhedron.
+    centre (f, 3) and radius (f,), the latter 0 but for a face: of its ball. axis (f, 3) and rho (f,): of the circle of
+    an edge, the axis out of its first face. side (edges, 2): the faces of an edge. start, span (edges,) [rad]: its arc,
+    measured from the first of two unit vectors, the columns of across (edges, 3, 2), towards the second. ends
+    (edges, 2): its vertices, -1 at a cut. first_bound, bound, offset, beyond: cones of normals, as in BallPolyhedron.
     """
 
     faces: int
@@ -53,12 +58,10 @@ class Features:
         return np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.across[e].T
 
     def slopes(self, e: int) -> tuple[float, float]:
-        """(n . axis of the first face's normals along edge e, the same of the second face)."""
+        """Component along the axis of edge e of the normals that its first and its second face have there."""
         f = self.faces + e
-        values = []
-        for face in self.side[e]:
-            values.append(float((self.centre[f] - self.centre[face]) @ self.axis[f] / self.radius[face]))
-        return values[0], values[1]
+        one, other = ((self.centre[f] - self.centre[face]) @ self.axis[f] / self.radius[face] for face in self.side[e])
+        return float(one), float(other)
 
     def farthest(self) -> float:
         """Greatest distance of the core from the origin."""
@@ -83,9 +86,8 @@ class Features:
 def cell_of_balls(p: NDArray, big: NDArray) -> Features:
     """Features of the intersection of the balls B(p_i, R_i), p (n, 3), big (n,).
 
-    Each circle where two spheres meet is cut by all other balls; what is left of it are edges.
-    Raises ValueError if the balls have no common part, one ball hides all others wrongly, or faces, edges and
-    vertices do not close to a polyhedron.
+    Each circle where two spheres meet is cut by all other balls; what is left of it are edges. InputError if the balls
+    have no common part, one ball hides all others wrongly, or faces, edges and vertices do not close to a polyhedron.
     """
     kept = _not_hidden(p, big)
     p, big = p[kept], big[kept]
@@ -94,9 +96,10 @@ def cell_of_balls(p: NDArray, big: NDArray) -> Features:
     size = 2.0 * big.min()
     edges = [edge for i in range(len(p)) for j in range(i + 1, len(p)) for edge in _edges_between(p, big, i, j)]
     if not edges:
-        raise ValueError("centres, radii: the balls have no common part with an edge")
+        raise InputError("centres, radii: the balls have no common part with an edge; move them closer together")
     faces = sorted({f for edge in edges for f in edge["side"]})
     index = {f: k for k, f in enumerate(faces)}
+    # The ends of edges that belong to one vertex differ by rounding: they are merged.
     points = np.array([x for edge in edges for x in edge["tips"] if edge["tips_are_vertices"]]).reshape(-1, 3)
     vertex, of_tip = _merged(points, MERGE * size)
     ends, at = np.full((len(edges), 2), -1), 0
@@ -104,7 +107,7 @@ def cell_of_balls(p: NDArray, big: NDArray) -> Features:
         if edge["tips_are_vertices"]:
             ends[e], at = of_tip[at : at + 2], at + 2
     if len(vertex) and len(vertex) - len(edges) + len(faces) != 2:
-        raise ValueError(
+        raise InputError(
             f"centres, radii: {len(faces)} faces, {len(edges)} edges and {len(vertex)} vertices do not close "
             "(faces - edges + vertices must be 2): slivers, or faces in several pieces"
         )
@@ -112,52 +115,47 @@ def cell_of_balls(p: NDArray, big: NDArray) -> Features:
 
 
 def _guarded(cell: Features) -> Features:
-    """Add a bound to every face whose circles also leave room on the far side of the sphere of normals.
+    """Add a bound to every face whose cone also holds normals on the far side of the sphere of normals.
 
     That happens where neighbouring balls differ in radius: their circles are then small caps. The guard is a cap about
     the face that its own normals do not reach; what lies beyond is left to a search over all features.
     """
-    n = spread(GUARD_DIRECTIONS)
+    n = even_directions(GUARD_DIRECTIONS)
     p, big = cell.centre[: cell.faces], cell.radius[: cell.faces]
     guards = {}
     for f in range(cell.faces):
         own = slice(cell.first_bound[f], cell.first_bound[f + 1])
         inside = n[np.all(n @ cell.bound[own].T <= cell.offset[own], axis=1)]
+        # Normals whose points on the sphere of the face lie outside another ball are not normals of the cell.
         x = p[f] + big[f] * inside
         false = (np.linalg.norm(x[:, None] - p, axis=2) > big * (1.0 + 1e-9)).any(axis=1)
         if not false.any():
             continue
         rim = np.concatenate(
             [
-                p_e + rho * cell.circle(e, cell.start[e] + cell.span[e] * np.linspace(0, 1, 9)) - p[f]
-                for e in np.flatnonzero((cell.side == f).any(axis=1))
-                for p_e, rho in [(cell.centre[cell.faces + e], cell.rho[cell.faces + e])]
+                cell.centre[cell.faces + e]
+                + cell.rho[cell.faces + e] * cell.circle(e, cell.start[e] + cell.span[e] * np.linspace(0, 1, 9))
+                - p[f]
+                for e in map(int, np.flatnonzero((cell.side == f).any(axis=1)))
             ]
         )
         rim = np.concatenate([rim / big[f], inside[~false]])
         middle = rim.sum(axis=0) / np.linalg.norm(rim.sum(axis=0))
         widest, nearest = (rim @ middle).min(), (inside[false] @ middle).max()
         if nearest >= widest:
-            raise ValueError(f"centres, radii: face {f} cannot be told from directions that are not its own")
+            raise InputError(f"centres, radii: face {f} cannot be told from directions that are not its own")
         guards[f] = (-middle, -0.5 * (widest + nearest))
     if not guards:
         return cell
     at = [cell.first_bound[f + 1] for f in guards]
-    first = cell.first_bound + np.array([sum(f < k for f in guards) for k in range(len(cell.first_bound))])
+    first_bound = cell.first_bound + np.array([sum(f < k for f in guards) for k in range(len(cell.first_bound))])
     return replace(
         cell,
-        first_bound=first,
+        first_bound=first_bound,
         bound=np.insert(cell.bound, at, [a for a, _ in guards.values()], axis=0),
         offset=np.insert(cell.offset, at, [b for _, b in guards.values()]),
         beyond=np.insert(cell.beyond, at, [cell.beyond[cell.first_bound[f]] for f in guards]),
     )
-
-
-def spread(count: int) -> NDArray:
-    """`count` unit vectors (count, 3), nearly even over the sphere."""
-    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    angle = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
-    return np.stack([np.sqrt(1.0 - z**2) * np.cos(angle), np.sqrt(1.0 - z**2) * np.sin(angle), z], axis=1)
 
 
 def _not_hidden(p: NDArray, big: NDArray) -> NDArray:
@@ -166,7 +164,7 @@ def _not_hidden(p: NDArray, big: NDArray) -> NDArray:
     for i in range(len(p)):
         away = np.linalg.norm(p - p[i], axis=1)
         if np.any(away > big + big[i]):
-            raise ValueError(f"centres, radii: ball {i} does not meet all others")
+            raise InputError(f"centres, radii: ball {i} does not meet all others, so they have no common part")
         inside = (away <= big[i] - big) & kept
         inside[i] = False
         kept[i] = not inside.any()
@@ -174,6 +172,7 @@ def _not_hidden(p: NDArray, big: NDArray) -> NDArray:
 
 
 def _lone_ball(p: NDArray, big: NDArray) -> Features:
+    """A single ball: one face without a bound."""
     none, empty = np.zeros((0, 3)), np.zeros(0)
     index = np.zeros((0, 2), int)
     rows = (none, empty, empty.astype(int))
@@ -183,7 +182,7 @@ def _lone_ball(p: NDArray, big: NDArray) -> Features:
     )  # fmt: skip
 
 
-def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict]:
+def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict[str, Any]]:
     """What the other balls leave of the circle where spheres i and j meet."""
     gap = p[i] - p[j]
     length = np.linalg.norm(gap)
@@ -198,16 +197,18 @@ def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict]:
     u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     u /= np.linalg.norm(u)
     across = np.stack([u, np.cross(axis, u)], axis=1)
+    # The point of the circle at the angle t, x = centre + rho across (cos t, sin t), lies within the ball (q, R) if
+    # flat . (cos t, sin t) <= limit with flat = 2 rho (centre - q) across, limit = R^2 - rho^2 - |centre - q|^2.
     others = np.setdiff1d(np.arange(len(p)), (i, j))
     off = centre - p[others]
     flat = 2.0 * rho * off @ across
-    oscillation = np.linalg.norm(flat, axis=1)
-    room = big[others] ** 2 - rho**2 - np.sum(off**2, axis=1)  # on the circle: flat . (cos, sin) <= room
-    if np.any(room <= -oscillation):
+    amplitude = np.linalg.norm(flat, axis=1)
+    limit = big[others] ** 2 - rho**2 - np.sum(off**2, axis=1)
+    if np.any(limit <= -amplitude):
         return []
-    cutting = room < oscillation
+    cutting = limit < amplitude
     middle = np.arctan2(flat[cutting, 1], flat[cutting, 0])  # where the circle leaves the ball farthest
-    half = np.arccos(np.clip(room[cutting] / oscillation[cutting], -1.0, 1.0))
+    half = np.arccos(np.clip(limit[cutting] / amplitude[cutting], -1.0, 1.0))
     arcs = _free_arcs(middle - half, 2.0 * half)
     base = {"centre": centre, "axis": axis, "rho": rho, "across": across, "side": (i, j)}
     result = []
@@ -223,14 +224,15 @@ def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict]:
 
 def _free_arcs(start: NDArray, span: NDArray) -> list[tuple[float, float, bool]]:
     """(start, span, is the whole circle) of the arcs that none of the intervals (start, span) [rad] covers."""
-    turn = 2.0 * np.pi
+    full = 2.0 * np.pi
     if len(start) == 0:
-        return [(0.0, turn, True)]
-    start = np.mod(start, turn)
+        return [(0.0, full, True)]
+    start = np.mod(start, full)
     order = np.argsort(start)
     start, span = start[order], span[order]
+    # A gap lies before a start that no interval before it reaches, those of the previous period included.
     reached = np.maximum.accumulate(start + span)
-    before = np.maximum(np.concatenate([[reached[-1] - turn], reached[:-1]]), reached[-1] - turn)
+    before = np.maximum(np.concatenate([[reached[-1] - full], reached[:-1]]), reached[-1] - full)
     gaps = start - before
     return [(float(b), float(g), False) for b, g in zip(before, gaps) if g > 0.0]
 
@@ -247,10 +249,9 @@ def _merged(points: NDArray, width: float) -> tuple[NDArray, NDArray]:
     return np.array(centres).reshape(-1, 3), which
 
 
-def _assembled(p, big, edges, index, vertex, ends) -> Features:
-    """Number the features, cut edges that are too long, and write down the bounds of every cone."""
-    faces = len(p)
-    pieces = []
+def _short_edges(edges: list[dict[str, Any]], ends: NDArray) -> list[dict[str, Any]]:
+    """Edges cut into pieces of at most LONGEST_EDGE; `next` of a piece: those at its two cuts, None at a vertex."""
+    pieces: list[dict[str, Any]] = []
     for e, edge in enumerate(edges):
         count = int(np.ceil(edge["span"] / LONGEST_EDGE - 1e-9))
         for c in range(count):
@@ -260,24 +261,47 @@ def _assembled(p, big, edges, index, vertex, ends) -> Features:
             right = len(pieces) + 1 if c < count - 1 else len(pieces) - count + 1 if whole else None
             span = edge["span"] / count
             pieces.append(edge | {"start": edge["start"] + c * span, "span": span, "ends": tip, "next": (left, right)})
-    bounds = [[] for _ in range(faces + len(pieces) + len(vertex))]
+    return pieces
 
-    def part(f, g, a, b):
-        """n beyond a.n <= b leaves feature f for feature g."""
+
+def _cone_bounds(
+    p: NDArray, big: NDArray, pieces: list[dict[str, Any]], index: dict[int, int], vertices: int
+) -> list[list[tuple[NDArray, float, int]]]:
+    """Bounds (a, b, feature beyond) of the cone of every feature: n is in it if a . n <= b for all."""
+    faces = len(p)
+    bounds: list[list[tuple[NDArray, float, int]]] = [[] for _ in range(faces + len(pieces) + vertices)]
+
+    def separate(f: int, g: int, a: NDArray, b: float) -> None:
+        """Store that a normal with a . n > b leaves feature f for feature g, and the exact opposite at g."""
         bounds[f].append((a, b, g))
         bounds[g].append((-a, -b, f))
 
     for e, piece in enumerate(pieces):
         f = faces + e
+        # The normals of a face along the edge make the constant angle with its axis whose cosine is b.
         i, j = (index[s] for s in piece["side"])
-        part(i, f, piece["axis"], (piece["centre"] - p[i]) @ piece["axis"] / big[i])
-        part(j, f, -piece["axis"], -((piece["centre"] - p[j]) @ piece["axis"]) / big[j])
+        separate(i, f, piece["axis"], (piece["centre"] - p[i]) @ piece["axis"] / big[i])
+        separate(j, f, -piece["axis"], -((piece["centre"] - p[j]) @ piece["axis"]) / big[j])
+        # At an end, the plane of the edge's normals there.
         for tip, sign, angle in ((0, 1.0, piece["start"]), (1, -1.0, piece["start"] + piece["span"])):
             inward = sign * (piece["across"] @ np.array([-np.sin(angle), np.cos(angle)]))
             if piece["ends"][tip] >= 0:
-                part(f, faces + len(pieces) + piece["ends"][tip], -inward, 0.0)
-            elif tip == 1:  # a cut is written once, by the piece before it
-                part(f, faces + piece["next"][1], -inward, 0.0)
+                separate(f, faces + len(pieces) + piece["ends"][tip], -inward, 0.0)
+            elif tip == 1:  # a cut is stored once, by the piece before it
+                separate(f, faces + piece["next"][1], -inward, 0.0)
+    return bounds
+
+
+def _assembled(
+    p: NDArray, big: NDArray, edges: list[dict[str, Any]], index: dict[int, int], vertex: NDArray, ends: NDArray
+) -> Features:
+    """Number the features, cut edges that are too long, and store the bounds of every cone.
+
+    index: row of p and big of each ball; vertex (vertices, 3); ends (edges, 2): vertices of each edge, -1 for none.
+    """
+    faces = len(p)
+    pieces = _short_edges(edges, ends)
+    bounds = _cone_bounds(p, big, pieces, index, len(vertex))
     flat = [bound for own in bounds for bound in own]
     zero = np.zeros((len(vertex), 3))
     return Features(

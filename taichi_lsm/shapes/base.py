@@ -2,34 +2,79 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import InputError
+from .input_checks import check_positive, number_array
 
-@dataclass(frozen=True, eq=False)
+if TYPE_CHECKING:
+    from .cone_patches import PatchGrain
+
+# Centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and half-angle (patches,) [rad].
+Patches = tuple[NDArray, NDArray, NDArray, NDArray]
+
+
+class ConvexPart(Protocol):
+    """What the contact geometry reads from a convex part of a grain."""
+
+    @property
+    def kind(self) -> str:
+        """The contact geometry that reads the surface."""
+        ...
+
+    @property
+    def patch_count(self) -> int:
+        """Number of spherical patches of the surface."""
+        ...
+
+    def patches(self) -> Patches:
+        """Spherical patches of the surface, see `GrainShape.patches`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class GrainShape:
     """A rigid grain of unit density in its body frame: origin at the centre of mass, principal axes in 3D.
 
-    Library shapes have equivalent diameter 1 (area pi/4, volume pi/6), so that a grain's scale is its
-    equivalent diameter in metres. All lengths below are in that unit of the shape.
+    Parameters
+    ----------
+    name : str
+        What pictures and files call it.
+    dim : int
+        2 or 3.
+    measure : float
+        Area [diameter^2] in 2D, volume [diameter^3] in 3D.
+    inertia : ndarray
+        Second moments about the centre of mass: (1,) polar [diameter^4] in 2D, (3,) principal [diameter^5] in 3D.
+    bounding_radius : float
+        Greatest distance of the surface from the centre of mass [diameter].
+    overlap_limit : float
+        Least radius of curvature of the surface [diameter]. Two grains may overlap by less than the sum of theirs.
+    lever : float
+        Greatest distance of a surface normal line from the centre of mass, max |x cross n| [diameter].
 
-    name             what figures and files call it
-    dim              2 or 3
-    measure          area (2D) or volume (3D)
-    inertia          second moments about the centre of mass: (1,) polar in 2D, (3,) principal in 3D
-    bounding_radius  greatest distance of the surface from the centre of mass
-    cap_radius       least radius of curvature of the surface: contacts must be less deep than the sum of two
-    lever            greatest distance of a surface normal line from the centre of mass, max |x cross n|
+    Raises
+    ------
+    InputError
+        If a field has the wrong form.
 
-    How the surface is described is the subclass's matter; `kind` names the contact geometry that reads it.
+    Notes
+    -----
+    Shapes of the library have the equivalent diameter 1 (area pi/4, volume pi/6): the unit of length of a shape is its
+    equivalent diameter, and a scene scales it by the diameter of the grain [m]. Shapes made with `normalise=False` keep
+    the unit of what they were made from.
+
+    How the surface is described is the matter of the subclasses; `kind` names the contact geometry that reads it.
     Arrays are copied, float64 and read-only. Shapes compare and hash by identity.
-    Raises ValueError if a field has the wrong form.
     """
 
-    kind: ClassVar[str]
+    # The maker of a grain of any patches, `from_patches`; the package sets it, for a subclass is unknown here.
+    from_patches: ClassVar[Callable[..., PatchGrain]]
 
     name: str
     dim: int
@@ -39,20 +84,34 @@ class GrainShape:
     overlap_limit: float
     lever: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.dim not in (2, 3):
-            raise ValueError(f"dim = {self.dim}: must be 2 or 3")
+            raise InputError(f"dim = {self.dim}: must be 2 or 3")
         object.__setattr__(self, "inertia", frozen_array("inertia", self.inertia))
         for field in ("measure", "bounding_radius", "overlap_limit", "lever"):
             value = float(getattr(self, field))
             if not np.isfinite(value) or value < 0 or (value == 0 and field != "lever"):
-                raise ValueError(f"{field} = {value}: must be finite and {'>= 0' if field == 'lever' else '> 0'}")
+                raise InputError(f"{field} = {value}: must be finite and {'>= 0' if field == 'lever' else '> 0'}")
             object.__setattr__(self, field, value)
         moments = 1 if self.dim == 2 else 3
         if self.inertia.shape != (moments,) or np.any(self.inertia <= 0):
-            raise ValueError(f"inertia = {self.inertia}: must be {moments} values > 0 in {self.dim}D")
+            raise InputError(f"inertia = {self.inertia}: must be {moments} values > 0 in {self.dim}D")
         if self.lever > self.bounding_radius:
-            raise ValueError(f"lever = {self.lever}: must not exceed bounding_radius = {self.bounding_radius}")
+            raise InputError(f"lever = {self.lever}: must not exceed bounding_radius = {self.bounding_radius}")
+
+    def __repr__(self) -> str:
+        content = ", ".join([repr(self.name), *self._content()])
+        limits = f"overlap limit {self.overlap_limit:.3g}, bounding radius {self.bounding_radius:.3g}"
+        return f"{type(self).__name__}({content}, {limits})"
+
+    def _content(self) -> tuple[str, ...]:
+        """What the surface consists of, as `repr` says it."""
+        return (counted(self.patch_count, "patch", "patches"),)
+
+    @property
+    def kind(self) -> str:
+        """The contact geometry that reads the surface: chain, polyhedron or cones."""
+        raise NotImplementedError
 
     @property
     def patch_count(self) -> int:
@@ -60,36 +119,80 @@ class GrainShape:
         raise NotImplementedError
 
     @property
-    def parts(self) -> tuple[GrainShape, ...]:
+    def parts(self) -> tuple[ConvexPart, ...]:
         """The convex parts of the grain, in the body frame of the whole; the grain itself if it is convex."""
         return (self,)
 
-    def patches(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and half-angle (patches,) [rad]
-        of every spherical patch, body frame."""
+    def patches(self) -> Patches:
+        """Spherical patches of the surface, in the body frame.
+
+        Returns
+        -------
+        centre : ndarray, (patches, dim)
+            Centres of the spheres or discs [diameter].
+        radius : ndarray, (patches,)
+            Their radii [diameter].
+        axis : ndarray, (patches, dim)
+            Outward unit axes of the cones of normals.
+        half_angle : ndarray, (patches,)
+            Half-angles of the cones [rad]; pi for a full disc or sphere.
+        """
         raise NotImplementedError
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
-        """Balls that hold the parts: centres (parts, dim) in the body frame, radii (parts,)."""
+        """Balls that hold the parts, in the body frame.
+
+        Returns
+        -------
+        centre : ndarray, (parts, dim)
+            Centres of the balls [diameter].
+        radius : ndarray, (parts,)
+            Their radii [diameter].
+        """
         return np.zeros((1, self.dim)), np.array([self.bounding_radius])
 
 
 LENGTHS = ("centre", "radius", "bounding_radius", "overlap_limit", "lever")
+Scalable = TypeVar("Scalable", bound=GrainShape)
 
 
-def rescaled(shape: GrainShape, factor: float) -> GrainShape:
-    """The same arc chain or patch grain in other units of length: all lengths times `factor` > 0."""
-    if not (np.isfinite(factor) and factor > 0):
-        raise ValueError(f"factor = {factor}: must be finite and > 0")
+def rescaled(shape: Scalable, factor: float) -> Scalable:
+    """The same arc chain or patch grain with all lengths multiplied by a factor.
+
+    Parameters
+    ----------
+    shape : ArcChain or PatchGrain
+        The shape; a `BallPolyhedron` has a method of this name.
+    factor : float
+        Ratio of the new lengths to the old ones, finite and > 0.
+
+    Returns
+    -------
+    ArcChain or PatchGrain
+        A new shape of the same class; areas scale as factor^2, second moments as factor^(dim + 2).
+
+    Raises
+    ------
+    InputError
+        If the factor is not finite and > 0, or the shape is of another class.
+    """
+    check_positive("factor", factor)
+    if not all(hasattr(shape, field) for field in LENGTHS):
+        raise InputError(f"shape = {shape!r}: must be an ArcChain or a PatchGrain")
     lengths = {name: getattr(shape, name) * factor for name in LENGTHS}
     mass = {"measure": shape.measure * factor**shape.dim, "inertia": shape.inertia * factor ** (shape.dim + 2)}
     return replace(shape, **lengths, **mass)
 
 
-def frozen_array(field: str, value: ArrayLike) -> NDArray:
-    """Read-only float64 copy. Raises ValueError naming the field if a number is not finite."""
-    array = np.array(value, dtype=np.float64)
+def counted(count: int, one: str, several: str) -> str:
+    """A number and its noun: '1 patch', '24 patches'."""
+    return f"{count} {one if count == 1 else several}"
+
+
+def frozen_array(field: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Read-only float64 copy; InputError naming the field if it holds what is not a finite number."""
+    array = number_array(field, value)
     if not np.all(np.isfinite(array)):
-        raise ValueError(f"{field} = {array}: must be finite")
+        raise InputError(f"{field} = {array}: must be finite")
     array.setflags(write=False)
     return array

@@ -1,4 +1,4 @@
-"""Grains of general spherical patches, the structure of Abe & Mora (2003), and clumps of full discs or spheres.
+"""Grains of general spherical patches, the structure of Abe & Mora (2003).
 
 Every patch is tested by itself with the corrected cone test: directions that two cones cover count twice, directions
 that none covers do not count. Only cones that tile the circle keep the energy; circular cones never tile the sphere.
@@ -7,23 +7,31 @@ that none covers do not count. Only cones that tile the circle keep the energy; 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arc_chain import ArcChain
-from .ball_cells import spread
-from .base import GrainShape, frozen_array
+from ..core.errors import InputError
+from .base import GrainShape, Patches, frozen_array
+from .geometry import even_directions, principal_frame
+from .input_checks import check_positive, number_array
+from .patch_mass import DIRECTIONS, surface_moments, surface_of_patches
 
 MOST_PATCHES = 1000
-CLOSED = 0.05  # uncovered plus doubly covered part above which the patches enclose no definite area or volume
-DIRECTIONS = 20_000  # that measure solid angles, to about 1e-4 of the sphere
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+CLOSED = 0.05  # uncovered plus doubly covered share above which the patches enclose no definite area or volume
 
 
 class Coverage(NamedTuple):
-    """Parts of the full angle (2D) or solid angle (3D) that no cone covers, and that more than one covers."""
+    """How well the cones of a grain tile all directions.
+
+    Attributes
+    ----------
+    uncovered : float
+        Share of the full angle (2D) or solid angle (3D) that no cone covers.
+    doubly_covered : float
+        Share that more than one cone covers.
+    """
 
     uncovered: float
     doubly_covered: float
@@ -37,34 +45,65 @@ class Patch(NamedTuple):
     radius: NDArray
     axis: NDArray
     half_angle: NDArray
-    kind: ClassVar[str] = "cones"
-    patch_count: ClassVar[int] = 1
 
-    def patches(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """See GrainShape."""
+    @property
+    def kind(self) -> str:
+        """The contact geometry that reads the patch: cones."""
+        return "cones"
+
+    @property
+    def patch_count(self) -> int:
+        """Number of patches: 1."""
+        return 1
+
+    def patches(self) -> Patches:
+        """See `GrainShape.patches`."""
         return self.centre, self.radius, self.axis, self.half_angle
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PatchGrain(GrainShape):
-    """A grain of any patches: centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and
-    half_angle (patches,) [rad] of the cone of normals, above 0 and at most pi (the full disc or sphere).
+    """A grain of any spherical patches, each with a cone of normals.
 
-    cap_radius is the least radius: contacts deeper than the sum of two are taken for far sides that face each other.
+    Parameters
+    ----------
+    name, dim, measure, inertia, bounding_radius, overlap_limit, lever
+        See `GrainShape`. The overlap limit is the least radius: contacts deeper than the sum of two are taken for far
+        sides that face each other.
+    centre : ndarray, (patches, dim)
+        Centres of the patches [diameter], body frame.
+    radius : ndarray, (patches,)
+        Their radii > 0 [diameter].
+    axis : ndarray, (patches, dim)
+        Outward unit axes of the cones of normals, body frame.
+    half_angle : ndarray, (patches,)
+        Half-angles of the cones [rad], above 0 and at most pi (the full disc or sphere).
+
+    Raises
+    ------
+    InputError
+        If a field has the wrong form.
+
+    References
+    ----------
+    Abe and Mora (2003), Efficient implementation of complex particle shapes in the lattice solid model, ICCS 2003.
     """
-
-    kind = "cones"
 
     centre: NDArray
     radius: NDArray
     axis: NDArray
     half_angle: NDArray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         super().__post_init__()
         for field in ("centre", "radius", "axis", "half_angle"):
             object.__setattr__(self, field, frozen_array(field, getattr(self, field)))
         _check_patches(self.dim, self.centre, self.radius, self.axis, self.half_angle)
+
+    @property
+    def kind(self) -> str:
+        """The contact geometry that reads the surface: cones."""
+        return "cones"
 
     @property
     def patch_count(self) -> int:
@@ -77,54 +116,72 @@ class PatchGrain(GrainShape):
         rows = zip(self.centre, self.radius, self.axis, self.half_angle, strict=True)
         return tuple(Patch(self.dim, *(np.array([value]) for value in row)) for row in rows)
 
-    def patches(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """See GrainShape."""
+    def patches(self) -> Patches:
+        """See `GrainShape.patches`."""
         return self.centre, self.radius, self.axis, self.half_angle
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
-        """Balls (patches, dim), (patches,) that hold the contact points of each patch.
+        """Balls that hold the contact points of each patch, in the body frame.
 
-        That of a patch within its cone is the ball of the cap; contacts lie up to cap_radius within the surface.
+        Returns
+        -------
+        centre : ndarray, (patches, dim)
+            Centres of the balls [diameter].
+        radius : ndarray, (patches,)
+            Their radii [diameter].
+
+        Notes
+        -----
+        That of a patch narrower than a half-space is the ball about the spherical cap, otherwise the ball of the patch;
+        contacts lie up to the overlap limit within the surface, by which the balls of partial patches are widened.
         """
         narrow = self.half_angle < 0.5 * np.pi
         cos, sin = np.cos(self.half_angle), np.sin(self.half_angle)
         shift = np.where(narrow, self.radius * cos, 0.0)
         reach = np.where(narrow, self.radius * sin, self.radius)
-        return self.centre + shift[:, None] * self.axis, reach + np.where(
-            self.half_angle < np.pi, self.overlap_limit, 0.0
-        )
+        margin = np.where(self.half_angle < np.pi, self.overlap_limit, 0.0)
+        return self.centre + shift[:, None] * self.axis, reach + margin
 
     def coverage(self) -> Coverage:
-        """How well the cones tile: exact in 2D, by 20000 directions in 3D."""
+        """How well the cones tile all directions.
+
+        Returns
+        -------
+        Coverage
+            Shares of the directions that no cone and that more than one cone covers; exact in 2D, by 20000 directions
+            in 3D.
+        """
         if self.dim == 3:
-            n = spread(DIRECTIONS)
+            n = even_directions(DIRECTIONS)
             count = ((n @ self.axis.T) >= np.where(self.half_angle < np.pi, np.cos(self.half_angle), -2.0)).sum(axis=1)
             return Coverage(float((count == 0).mean()), float((count > 1).mean()))
-        turn = 2.0 * np.pi
-        start = np.mod(np.arctan2(self.axis[:, 1], self.axis[:, 0]) - self.half_angle, turn)
-        low = np.concatenate([start - turn, start, start + turn])
+        # Sweep over the ends of the cones, those of the periods before and after included, and count how many are open.
+        full = 2.0 * np.pi
+        start = np.mod(np.arctan2(self.axis[:, 1], self.axis[:, 0]) - self.half_angle, full)
+        low = np.concatenate([start - full, start, start + full])
         ends = np.concatenate([low, low + np.tile(2.0 * self.half_angle, 3)])
         change = np.repeat([1, -1], len(low))
         order = np.argsort(ends)
         at, depth = ends[order], np.cumsum(change[order])
-        inside = np.clip(at, 0.0, turn)
+        inside = np.clip(at, 0.0, full)
         width = np.diff(inside)
         covered, twice = width[depth[:-1] >= 1].sum(), width[depth[:-1] > 1].sum()
-        return Coverage(max(0.0, 1.0 - covered / turn), twice / turn)
+        return Coverage(float(max(0.0, 1.0 - covered / full)), float(twice / full))
 
 
 def _check_patches(dim: int, centre: NDArray, radius: NDArray, axis: NDArray, half_angle: NDArray) -> None:
+    """Refuse arrays of the wrong form and values out of range."""
     count = radius.size
     if radius.ndim != 1 or not 1 <= count <= MOST_PATCHES or np.any(radius <= 0):
-        raise ValueError(f"radius has shape {radius.shape}: must be 1 to {MOST_PATCHES} values > 0")
+        raise InputError(f"radius has shape {radius.shape}: must be 1 to {MOST_PATCHES} values > 0")
     for field, value in (("centre", centre), ("axis", axis)):
         if value.shape != (count, dim):
-            raise ValueError(f"{field} has shape {value.shape}: must be {(count, dim)}")
+            raise InputError(f"{field} has shape {value.shape}: must be {(count, dim)}")
     if half_angle.shape != (count,) or np.any((half_angle <= 0) | (half_angle > np.pi)):
-        raise ValueError(f"half_angle = {half_angle}: must be {count} values above 0 and at most pi rad")
+        raise InputError(f"half_angle = {half_angle}: must be {count} values above 0 and at most pi rad")
     length = np.linalg.norm(axis, axis=1)
     if np.any(np.abs(length - 1.0) > 1e-9):
-        raise ValueError(f"axis has lengths {length}: must be unit vectors")
+        raise InputError(f"axis has lengths {length}: must be unit vectors")
 
 
 def from_patches(
@@ -140,46 +197,84 @@ def from_patches(
 ) -> PatchGrain:
     """A grain of any 1 to 1000 spherical patches, the structure of Abe & Mora (2003), in 2D or 3D.
 
-    centre (patches, dim), radius (patches,) > 0, axis (patches, dim) outward unit vectors, half_angle (patches,) [rad]
-    above 0 and at most pi, in one frame and any unit of length. measure and inertia are computed if the cones tile to
-    5 % or all are full, else they must be given. Moved to the centre of mass then, and in 3D into the principal frame;
-    normalise: rescale to equivalent diameter 1. `coverage()` of the result says how well the cones tile, which decides
-    whether contacts keep the energy. Also called as `GrainShape.from_patches`.
-    Raises ValueError for values out of range.
+    Parameters
+    ----------
+    centre : array_like, (patches, dim)
+        Centres of the patches, in any unit of length L; all arrays are in one frame.
+    radius : array_like, (patches,)
+        Their radii > 0 [L].
+    axis : array_like, (patches, dim)
+        Outward unit axes of the cones of normals.
+    half_angle : array_like, (patches,)
+        Half-angles of the cones [rad], above 0 and at most pi.
+    name : str
+        What pictures and files call the shape.
+    measure : float, optional
+        Area [L^2] or volume [L^3] > 0. Computed, as is the inertia, if not both are given.
+    inertia : array_like, optional
+        Second moments about the origin: (1,) polar [L^4] in 2D, (3,) principal [L^5] along the axes in 3D.
+    normalise : bool
+        Whether to rescale to the equivalent diameter 1; else the unit L is kept.
+
+    Returns
+    -------
+    PatchGrain
+        The grain. If mass and inertia are computed it is moved to its centre of mass and, in 3D, rotated into the
+        principal frame; otherwise it stays in the given frame, which must be the body frame.
+
+    Raises
+    ------
+    InputError
+        For values out of range, and if measure and inertia are not given though the cones leave or doubly cover more
+        than 5 % of the directions (unless all patches are full).
+
+    Notes
+    -----
+    `coverage()` of the result says how well the cones tile, which decides whether contacts keep the energy. Also called
+    as `GrainShape.from_patches`.
+
+    References
+    ----------
+    Abe and Mora (2003), Efficient implementation of complex particle shapes in the lattice solid model, ICCS 2003.
     """
-    p, r, e, alpha = (np.array(v, dtype=np.float64) for v in (centre, radius, axis, half_angle))
+    p, r = number_array("centre", centre), number_array("radius", radius)
+    e, alpha = number_array("axis", axis), number_array("half_angle", half_angle)
     if p.ndim != 2 or p.shape[1] not in (2, 3):
-        raise ValueError(f"centre has shape {p.shape}: must be (patches, 2) or (patches, 3)")
+        raise InputError(f"centre has shape {p.shape}: must be (patches, 2) or (patches, 3)")
     dim = p.shape[1]
     _check_patches(dim, p, r, e, alpha)
     if measure is None or inertia is None:
-        trial = _grain(name, dim, p, r, e, alpha, 1.0, np.ones(1 if dim == 2 else 3))
-        gaps = trial.coverage()
-        if np.any(alpha < np.pi) and sum(gaps) > CLOSED:
-            raise ValueError(
-                f"measure, inertia: must be given, for the patches enclose no definite body: {gaps.uncovered:.3g} of "
-                f"the directions are uncovered and {gaps.doubly_covered:.3g} covered twice"
-            )
-        x, n, weight = _surface(p, r, e, alpha)
-        measure, centroid, second = _moments(x, n, weight)
+        _check_closed(p, r, e, alpha)
+        measure, centroid, second = surface_moments(*surface_of_patches(p, r, e, alpha))
+        moments, frame = principal_frame(second - measure * np.outer(centroid, centroid))
         p = p - centroid
-        second = second - measure * np.outer(centroid, centroid)
-        if dim == 2:
-            inertia = [np.trace(second)]
-        else:
-            tensor = np.trace(second) * np.eye(3) - second
-            inertia, frame = np.linalg.eigh(tensor)
-            frame = frame * np.sign(np.linalg.det(frame))
+        if dim == 3:
             p, e = p @ frame, e @ frame
-    inertia = np.array(inertia, dtype=np.float64)
+    else:
+        moments = number_array("inertia", inertia)
+    check_positive("measure", measure)
     if normalise:
         unit = np.pi / 4 if dim == 2 else np.pi / 6
         factor = (unit / measure) ** (1.0 / dim)
-        p, r, measure, inertia = p * factor, r * factor, unit, inertia * factor ** (dim + 2)
-    return _grain(name, dim, p, r, e, alpha, measure, inertia)
+        p, r, measure, moments = p * factor, r * factor, unit, moments * factor ** (dim + 2)
+    return _grain(name, dim, p, r, e, alpha, measure, moments)
 
 
-def _grain(name, dim, p, r, e, alpha, measure, inertia) -> PatchGrain:
+def _check_closed(p: NDArray, r: NDArray, e: NDArray, alpha: NDArray) -> None:
+    """Refuse partial patches whose cones leave gaps or overlap so much that they enclose no definite body."""
+    dim = p.shape[1]
+    gaps = _grain("trial", dim, p, r, e, alpha, 1.0, np.ones(1 if dim == 2 else 3)).coverage()
+    if np.any(alpha < np.pi) and sum(gaps) > CLOSED:
+        raise InputError(
+            f"measure, inertia: must be given, for the patches enclose no definite body: {gaps.uncovered:.3g} of "
+            f"the directions are uncovered and {gaps.doubly_covered:.3g} covered twice"
+        )
+
+
+def _grain(
+    name: str, dim: int, p: NDArray, r: NDArray, e: NDArray, alpha: NDArray, measure: float, inertia: NDArray
+) -> PatchGrain:
+    """The grain of patches given in its body frame, with the bounds that follow from them."""
     away = np.linalg.norm(p, axis=1)
     towards = np.sum(p * e, axis=1) / np.maximum(away, 1e-300)
     off = np.maximum(0.0, np.arccos(np.clip(towards, -1.0, 1.0)) - alpha)  # from p to the nearest normal of the cone
@@ -197,160 +292,3 @@ def _grain(name, dim, p, r, e, alpha, measure, inertia) -> PatchGrain:
         axis=e,
         half_angle=alpha,
     )
-
-
-def _surface(p: NDArray, r: NDArray, e: NDArray, alpha: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Points (k, dim), normals (k, dim) and weights (k,) of all patches; of full ones only what others do not hide."""
-    if np.all(alpha == np.pi):
-        return _exposed(p, r)
-    if p.shape[1] == 2:
-        angle = np.arctan2(e[:, 1], e[:, 0])[:, None] + alpha[:, None] * _NODES
-        n = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        weight = (r * alpha)[:, None] * _WEIGHTS
-    else:
-        height = np.cos(alpha)[:, None] + 0.5 * (1.0 - np.cos(alpha))[:, None] * (_NODES + 1.0)
-        turn = 2.0 * np.pi * np.arange(16) / 16
-        across = np.array([np.linalg.svd(axis[None])[2][1:] for axis in e])
-        ring = (
-            np.cos(turn)[:, None, None] * across[:, None, None, 0]
-            + np.sin(turn)[:, None, None] * across[:, None, None, 1]
-        )
-        ring = ring.reshape(len(p), 1, 16, 3)
-        n = height[..., None, None] * e[:, None, None] + np.sqrt(1.0 - height**2)[..., None, None] * ring
-        n = n.reshape(len(p), -1, 3)
-        area = (r**2 * (1.0 - np.cos(alpha)))[:, None] * 0.5 * _WEIGHTS
-        weight = np.repeat(area * 2.0 * np.pi / 16, 16, axis=1)
-    x = p[:, None] + r[:, None, None] * n
-    return x.reshape(-1, p.shape[1]), n.reshape(-1, p.shape[1]), weight.ravel()
-
-
-def _exposed(p: NDArray, r: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """The outer surface of a union of discs (exact up to the corners between nodes) or of spheres (to about 1e-3)."""
-    points, normals, weights = [], [], []
-    n = spread(DIRECTIONS)
-    for i in range(len(p)):
-        others = np.arange(len(p)) != i
-        if p.shape[1] == 3:
-            x = p[i] + r[i] * n
-            free = np.all(np.linalg.norm(x[:, None] - p[others], axis=2) >= r[others], axis=1)
-            points.append(x[free])
-            normals.append(n[free])
-            weights.append(np.full(free.sum(), 4.0 * np.pi * r[i] ** 2 / DIRECTIONS))
-            continue
-        for low, high in _free_arcs(p[i], r[i], p[others], r[others]):
-            angle = 0.5 * (low + high) + 0.5 * (high - low) * _NODES
-            normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            points.append(p[i] + r[i] * normal)
-            normals.append(normal)
-            weights.append(0.5 * r[i] * (high - low) * _WEIGHTS)
-    return np.concatenate(points), np.concatenate(normals), np.concatenate(weights)
-
-
-def _free_arcs(p: NDArray, r: float, others: NDArray, radii: NDArray) -> list[tuple[float, float]]:
-    """Arcs (low, high) [rad] of a circle that lie in none of the other discs, none longer than a quarter."""
-    away = others - p
-    distance = np.linalg.norm(away, axis=1)
-    if np.any(distance <= radii - r):
-        return []
-    cutting = (distance < r + radii) & (distance > r - radii)
-    away, distance, radii = away[cutting], distance[cutting], radii[cutting]
-    half = np.arccos(np.clip((distance**2 + r**2 - radii**2) / (2.0 * distance * r), -1.0, 1.0))
-    low = np.mod(np.arctan2(away[:, 1], away[:, 0]) - half, 2.0 * np.pi)
-    hidden = sorted([(a + s, a + s + 2.0 * h) for a, h in zip(low, half) for s in (-2.0 * np.pi, 0.0)])
-    arcs, reached = [], 0.0
-    for a, b in [*hidden, (2.0 * np.pi, 2.0 * np.pi)]:
-        if a > reached:
-            count = int(np.ceil((min(a, 2.0 * np.pi) - reached) / (0.5 * np.pi)))
-            edge = np.linspace(reached, min(a, 2.0 * np.pi), count + 1)
-            arcs += list(zip(edge[:-1], edge[1:]))
-        reached = max(reached, b)
-    return arcs
-
-
-def _moments(x: NDArray, n: NDArray, weight: NDArray) -> tuple[float, NDArray, NDArray]:
-    """(area or volume, centre of mass, second moments int x x^T) by the divergence theorem."""
-    dim = x.shape[1]
-    flux = np.sum(x * n, axis=1) * weight
-    measure = flux.sum() / dim
-    centroid = (flux[:, None] * x).sum(axis=0) / ((dim + 1) * measure)
-    second = np.einsum("k,ki,kj->ij", flux, x, x) / (dim + 2)
-    return float(measure), centroid, second
-
-
-def from_chain(chain: ArcChain, shrink: float = 0.0) -> PatchGrain:
-    """The arcs of a chain as general patches; every half-angle is reduced by `shrink` [rad], so that seams are missed.
-
-    Mass, inertia and bounds are those of the chain.
-    """
-    centre, radius, axis, angle = chain.patches()
-    return PatchGrain(
-        name=f"{chain.name} as {chain.patch_count} cones",
-        dim=2,
-        measure=chain.measure,
-        inertia=chain.inertia,
-        bounding_radius=chain.bounding_radius,
-        overlap_limit=chain.overlap_limit,
-        lever=chain.lever,
-        centre=centre,
-        radius=radius,
-        axis=axis,
-        half_angle=angle - shrink if chain.patch_count > 1 else angle,
-    )
-
-
-def clump(centres: ArrayLike, radii: ArrayLike, *, name: str = "clump", **mass) -> PatchGrain:
-    """A clump of full discs (centres (n, 2)) or spheres (n, 3); mass: measure and inertia if not those of the union,
-    normalise as in `GrainShape.from_patches`."""
-    p = np.array(centres, dtype=np.float64)
-    axis = np.zeros_like(p)
-    axis[..., 0] = 1.0
-    return from_patches(p, radii, axis, np.full(len(p), np.pi), name=name, **mass)
-
-
-def equal_clump(shape: ArcChain, count: int) -> PatchGrain:
-    """`count` equal discs along the outline of an arc chain, the radius chosen for the least outline error.
-
-    Mass and inertia are those of the chain, whose outline the clump stands for.
-    """
-    import shapely
-
-    outline = shapely.Polygon(shape.outline(2000))
-    best = None
-    for radius in np.geomspace(0.02, 0.48, 40):
-        inner = outline.buffer(-radius, quad_segs=32)
-        if inner.is_empty or inner.geom_type != "Polygon":
-            continue
-        ring = inner.exterior
-        at = [ring.interpolate((i + 0.5) / count, normalized=True) for i in range(count)]
-        centres = np.array([[q.x, q.y] for q in at])
-        error = _distance_to(outline, centres, np.full(count, radius))
-        if best is None or error < best[0]:
-            best = (error, centres, radius)
-    _, centres, radius = best
-    return clump(
-        centres,
-        np.full(count, radius),
-        name=f"{shape.name} as {count} discs",
-        measure=shape.measure,
-        inertia=shape.inertia,
-        normalise=False,
-    )
-
-
-def _distance_to(outline, centres: NDArray, radii: NDArray) -> float:
-    import shapely
-
-    body = shapely.union_all(shapely.buffer(shapely.points(centres), radii, quad_segs=64))
-    if body.geom_type != "Polygon":
-        return np.inf
-    return float(shapely.hausdorff_distance(body.exterior, outline.exterior))
-
-
-def outline_error(shape: ArcChain, approximation: GrainShape) -> float:
-    """Hausdorff distance between the outlines of a chain and of its approximation, in equivalent diameters (2D)."""
-    import shapely
-
-    outline = shapely.Polygon(shape.outline(4000))
-    if approximation.kind == "cones":
-        return _distance_to(outline, approximation.centre, approximation.radius)
-    return float(shapely.hausdorff_distance(shapely.Polygon(approximation.outline(4000)).exterior, outline.exterior))

@@ -1,9 +1,9 @@
 """Ellipses and superellipses as chains of arcs, and the fit of a chain to any support function (2D).
 
 A chain is fixed by its break angles, its radii and its first point, and at every normal its support function
-h(n) = max x . n is linear in radii and point: the fit is a least-squares problem with bounds on the radii. Its support
-function is a spline with a continuous slope, so that the error falls as the third power of the arcs. The Hausdorff
-distance of two convex bodies is the greatest difference of their support functions.
+h(n) = max x . n is linear in radii and point: the fit is a least-squares problem with bounds on the radii. The support
+function of a chain is a spline with a continuous slope, so that the error falls as the third power of the arcs. The
+Hausdorff distance of two convex bodies is the greatest difference of their support functions.
 """
 
 from __future__ import annotations
@@ -15,8 +15,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import SimulationError
 from .arc_chain import ArcChain
-from .polygon_fit import arc_chain
+from .geometry import unit_normals
+from .input_checks import check_at_least, check_between, check_corner_radius
+from .polygon_fit import arc_chain, closed_radii
 
 SAMPLES = 8  # normals per arc at which the support function is fitted
 CLOSURE_WEIGHT = 1e4  # of the open end against one sample; what it leaves is removed afterwards
@@ -26,11 +29,6 @@ GREATEST_ASPECT = 20.0
 FEWEST_ARCS = 8
 EVEN_SHARE = 0.5  # of the arcs go by angle alone against one that goes by the change of curvature
 GRID = 4001  # normals of a quarter turn on which the change of curvature is measured
-
-
-def unit_normals(angle: ArrayLike) -> NDArray:
-    """Unit vectors (..., 2) at angles (...) [rad] from the x axis."""
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def superellipse_support(aspect: float, exponent: float, normals: ArrayLike) -> NDArray:
@@ -45,14 +43,35 @@ def superellipse_support(aspect: float, exponent: float, normals: ArrayLike) -> 
 
 def _semi_axes(aspect: float, exponent: float) -> NDArray:
     """a, b [equivalent diameters] by the area 4 a b Gamma(1 + 1/p)^2 / Gamma(1 + 2/p) = pi/4."""
-    share = 4.0 * math.gamma(1.0 + 1.0 / exponent) ** 2 / math.gamma(1.0 + 2.0 / exponent)
-    return np.sqrt(0.25 * np.pi / share) * np.array([np.sqrt(aspect), 1.0 / np.sqrt(aspect)])
+    area_over_ab = 4.0 * math.gamma(1.0 + 1.0 / exponent) ** 2 / math.gamma(1.0 + 2.0 / exponent)
+    return np.sqrt(0.25 * np.pi / area_over_ab) * np.array([np.sqrt(aspect), 1.0 / np.sqrt(aspect)])
 
 
 def ellipse(aspect: float, arcs: int = 30) -> ArcChain:
-    """The ellipse of axis ratio `aspect` (1 to 20), long axis along x, as a chain of `arcs` (8 or more) arcs.
+    """An ellipse as a chain of arcs, long axis along x.
 
-    Equivalent diameter 1. No arc is sharper than the ellipse itself. Raises ValueError for values out of range.
+    Parameters
+    ----------
+    aspect : float
+        Ratio of the axes, 1 to 20.
+    arcs : int
+        Number of arcs, >= 8.
+
+    Returns
+    -------
+    ArcChain
+        Shape of equivalent diameter 1, body frame; no arc is sharper than the ellipse itself.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    SimulationError
+        If the solver of the fit fails.
+
+    Notes
+    -----
+    The error of the outline falls as arcs^-3.
     """
     _check(aspect, 2.0, arcs)
     a, b = _semi_axes(aspect, 2.0)
@@ -60,38 +79,45 @@ def ellipse(aspect: float, arcs: int = 30) -> ArcChain:
 
 
 def superellipse(aspect: float, exponent: float, arcs: int = 30, *, corner_radius: float = 0.02) -> ArcChain:
-    """The body |x/a|^p + |y/b|^p <= 1, a/b = aspect (1 to 20), p = exponent (1.2 to 20), as `arcs` (8 or more) arcs.
+    """A superellipse |x/a|^p + |y/b|^p <= 1 as a chain of arcs, long axis along x.
 
-    Equivalent diameter 1. Above p = 2 it nears a rectangle, below it a rhombus with sharp tips. corner_radius: no arc
-    is sharper than this, in equivalent diameters of the superellipse; flat places get at most 10 of them. Raises
-    ValueError for values out of range.
+    Parameters
+    ----------
+    aspect : float
+        Ratio of the axes a/b, 1 to 20.
+    exponent : float
+        p, 1.2 to 20: above 2 the body nears a rectangle, below 2 a rhombus with sharp tips.
+    arcs : int
+        Number of arcs, >= 8.
+    corner_radius : float
+        Least radius of an arc in equivalent diameters of the superellipse, above 0 and below 0.5.
+
+    Returns
+    -------
+    ArcChain
+        Shape of equivalent diameter 1, body frame; no radius exceeds 10 equivalent diameters.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    SimulationError
+        If the solver of the fit fails.
     """
     _check(aspect, exponent, arcs)
-    if not 0 < corner_radius < 0.5:
-        raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a disc")
+    check_corner_radius(corner_radius)
     return _oval(aspect, exponent, arcs, corner_radius, f"superellipse {aspect:g} {exponent:g} of {arcs} arcs")
 
 
-def outline_error(shape: ArcChain, support_function: Callable[[NDArray], ArrayLike], normals: int = 3600) -> float:
-    """Hausdorff distance of a chain from the convex body of a support function, both where they lie.
-
-    support_function: from unit normals (k, 2) to (k,), about the shape's centre of mass and in the shape's unit, which
-    is also that of the result. Taken as the greatest difference at `normals` even directions.
-    """
-    n = unit_normals(2.0 * np.pi / normals * (np.arange(normals) + 0.5))
-    return float(np.abs(shape.support(n) - np.asarray(support_function(n))).max())
-
-
-def _check(aspect: float, exponent: float, arcs: int):
-    if not 1.0 <= aspect <= GREATEST_ASPECT:
-        raise ValueError(f"aspect = {aspect}: must be from 1 to {GREATEST_ASPECT:g}")
-    if not EXPONENTS[0] <= exponent <= EXPONENTS[1]:
-        raise ValueError(f"exponent = {exponent}: must be from {EXPONENTS[0]} to {EXPONENTS[1]}")
-    if arcs < FEWEST_ARCS:
-        raise ValueError(f"arcs = {arcs}: must be at least {FEWEST_ARCS}")
+def _check(aspect: float, exponent: float, arcs: int) -> None:
+    """Refuse an aspect, exponent or number of arcs out of range."""
+    check_between("aspect", aspect, 1.0, GREATEST_ASPECT)
+    check_between("exponent", exponent, *EXPONENTS)
+    check_at_least("arcs", arcs, FEWEST_ARCS)
 
 
 def _oval(aspect: float, exponent: float, arcs: int, least: float, name: str) -> ArcChain:
+    """The chain of `arcs` arcs nearest to a superellipse, none sharper than `least`."""
     breaks = _oval_breaks(aspect, exponent, arcs)
     radii, _ = fit_support(breaks, lambda n: superellipse_support(aspect, exponent, n), least, LARGEST_RADIUS)
     return arc_chain(breaks, radii, name=name)
@@ -107,7 +133,9 @@ def _oval_breaks(aspect: float, exponent: float, arcs: int) -> NDArray:
     angle = 0.5 * np.pi * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)  # dense at both axes, where rho' may be singular
     axes, q = _semi_axes(aspect, exponent), exponent / (exponent - 1.0)
     n = np.abs(unit_normals(angle))
-    n[-1, 0] = 0.0
+    n[-1, 0] = 0.0  # which rounding leaves at 1e-17
+    # Points of the outline, the gradient of the support function, whose distances over the angle between them are the
+    # radii of curvature.
     y = n * axes
     x = axes * y ** (q - 1.0) * (np.sum(y**q, axis=1) ** (1.0 / q))[:, None] ** (1.0 - q)
     step = np.diff(angle)
@@ -117,9 +145,10 @@ def _oval_breaks(aspect: float, exponent: float, arcs: int) -> NDArray:
     total = np.append(0.5 * (total[1:] + total[:-1]), total[-1])
     even = EVEN_SHARE * (total[-1] + 0.1)  # the circle, where nothing changes, gets even arcs
     total += even * angle / (0.5 * np.pi)
-    share = 4.0 * (np.arange(arcs) + 0.5) / arcs  # in quarter turns
-    quarter = np.floor(share)
-    along = np.where(quarter % 2 == 0, share - quarter, quarter + 1.0 - share)  # every other quarter is mirrored
+    break_place = 4.0 * (np.arange(arcs) + 0.5) / arcs  # in quarter turns
+    quarter = np.floor(break_place)
+    # Every other quarter is mirrored.
+    along = np.where(quarter % 2 == 0, break_place - quarter, quarter + 1.0 - break_place)
     within = np.interp(along * total[-1], total, angle)
     return np.where(quarter % 2 == 0, quarter * 0.5 * np.pi + within, (quarter + 1.0) * 0.5 * np.pi - within)
 
@@ -131,7 +160,7 @@ def fit_support(
 
     breaks (n,) [rad] as for `arc_chain`; support_function from unit normals (k, 2) to (k,), in any unit L. Least
     squares of the support function over normals even within each arc, the chain closed to rounding; unique, hence as
-    symmetric as body and breaks. All lengths in L.
+    symmetric as body and breaks. All lengths in L. SimulationError if the solver fails.
     """
     count = breaks.size
     span = np.diff(breaks, append=breaks[0] + 2.0 * np.pi)
@@ -139,6 +168,7 @@ def fit_support(
     step = np.roll(seam, -1, axis=0) - seam
     arc = np.repeat(np.arange(count), SAMPLES)
     n = unit_normals(breaks[arc] + span[arc] * np.tile((np.arange(SAMPLES) + 0.5) / SAMPLES, count))
+    # Row of a normal n within arc j: h(n) = x_0 . n + sum over i < j of r_i (n_(i+1) - n_i) . n + r_j (n - n_j) . n.
     rows = np.hstack([n, np.where(np.arange(count) < arc[:, None], n @ step.T, 0.0)])
     rows[np.arange(arc.size), 2 + arc] = np.sum((n - seam[arc]) * n, axis=1)
     closure = CLOSURE_WEIGHT * np.hstack([np.zeros((2, 2)), step.T])
@@ -148,10 +178,5 @@ def fit_support(
     system = np.vstack([rows, closure])
     answer = scipy.optimize.lsq_linear(system, target, (low, high), method="bvls", max_iter=20 * count)
     if not answer.success:
-        raise RuntimeError(f"the least-squares fit of {count} arcs failed: {answer.message}")
-    radius = np.clip(answer.x[2:], least, most)
-    free = (radius > least * (1 + 1e-9)) & (radius < most * (1 - 1e-9))
-    radius[radius <= least * (1 + 1e-9)] = least
-    if free.sum() >= 2:
-        radius[free] -= np.linalg.lstsq(step[free].T, step.T @ radius, rcond=None)[0]
-    return radius, answer.x[:2]
+        raise SimulationError(f"the least-squares fit of {count} arcs failed: {answer.message}")
+    return closed_radii(np.clip(answer.x[2:], least, most), step, least, most), answer.x[:2]

@@ -1,8 +1,14 @@
 """Volume, centre and second moments of a dilated cell of balls, by the divergence theorem over its smooth surface.
 
-With x the surface point and n its outward normal: V = 1/3 int x.n dS, int x_a dV = 1/2 int x_a^2 n_a dS,
-int x_a x_b dV = 1/2 int x_a^2 x_b n_a dS (a != b), int x_a^2 dV = 1/3 int x_a^3 n_a dS. Each face and vertex is a fan
-of triangles on the sphere of normals, each edge a rectangle in its two angles; Gauss-Legendre converges fast there.
+With x the surface point and n its outward normal:
+
+    V = 1/3 int x.n dS,
+    int x_a dV = 1/2 int x_a^2 n_a dS,
+    int x_a x_b dV = 1/2 int x_a^2 x_b n_a dS (a != b),
+    int x_a^2 dV = 1/3 int x_a^3 n_a dS.
+
+Each face and vertex is a fan of triangles on the sphere of normals, each edge a rectangle in its two angles;
+Gauss-Legendre quadrature converges fast there.
 """
 
 from __future__ import annotations
@@ -14,12 +20,13 @@ from .ball_cells import Features
 
 
 def _rule(count: int) -> tuple[NDArray, NDArray]:
+    """Gauss-Legendre nodes and weights on [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (nodes + 1.0), 0.5 * weights  # on [0, 1]
+    return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 _FINE, _COARSE = _rule(24), _rule(10)
-NARROW = 0.6  # rad: over less, ten nodes are as good as rounding
+NARROW = 0.6  # rad: over less, ten nodes are exact to rounding
 
 
 def _nodes(angle: float) -> tuple[NDArray, NDArray]:
@@ -46,6 +53,7 @@ def mass_of(cell: Features, dilation: float) -> tuple[float, NDArray, NDArray]:
 
 
 def _ball(centre: NDArray, radius: float) -> tuple[float, NDArray, NDArray]:
+    """As `mass_of` for a single ball."""
     volume = 4.0 / 3.0 * np.pi * radius**3
     return volume, centre.copy(), volume * (0.2 * radius**2 * np.eye(3) + np.outer(centre, centre))
 
@@ -93,16 +101,16 @@ def _fan(apex: NDArray, rim: NDArray, slope: NDArray, weight: NDArray) -> tuple[
 def _face(cell: Features, f: int, r: float) -> NDArray:
     """The spherical patch of face f: a fan over the normals along its edges."""
     rims = []
-    for e in np.flatnonzero((cell.side == f).any(axis=1)):
+    for e in map(int, np.flatnonzero((cell.side == f).any(axis=1))):
         nodes, weights = _nodes(cell.span[e])
         out = cell.circle(e, cell.start[e] + cell.span[e] * nodes)
-        turn = np.cross(cell.axis[cell.faces + e], out)
+        along = np.cross(cell.axis[cell.faces + e], out)  # derivative of `out` by its angle
         sine = cell.slopes(e)[0 if cell.side[e, 0] == f else 1]
         cosine = np.sqrt(max(0.0, 1.0 - sine**2))
-        way = -1.0 if cell.side[e, 0] == f else 1.0  # the axis points out of the first face
+        sense = -1.0 if cell.side[e, 0] == f else 1.0  # the axis points out of the first face
         rim = cosine * out + sine * cell.axis[cell.faces + e]
-        rims.append((rim, cosine * turn, way * cell.span[e] * weights))
-    middle = sum(np.sum(rim * np.abs(weight)[:, None], axis=0) for rim, _, weight in rims)
+        rims.append((rim, cosine * along, sense * cell.span[e] * weights))
+    middle = np.sum([np.sum(rim * np.abs(weight)[:, None], axis=0) for rim, _, weight in rims], axis=0)
     apex = _inside(cell, f, middle)
     big = cell.radius[f] + r
     total = np.zeros(10)
@@ -113,8 +121,10 @@ def _face(cell: Features, f: int, r: float) -> NDArray:
 
 
 def _inside(cell: Features, f: int, middle: NDArray) -> NDArray:
-    """A unit normal in the cone of face f to fan from: the mean of its rim, or for a rim round half the sphere and
-    more the direction that leaves its bounds by most."""
+    """A unit normal in the cone of face f, the apex of its fan.
+
+    That is the mean of its rim, or for a rim round half the sphere and more the mean direction away from its bounds.
+    """
     own = slice(cell.first_bound[f], cell.first_bound[f + 1])
     length = np.linalg.norm(middle)
     if length > 1e-6 and np.all(cell.bound[own] @ middle <= length * cell.offset[own]):
@@ -126,7 +136,7 @@ def _inside(cell: Features, f: int, middle: NDArray) -> NDArray:
 def _corner(cell: Features, v: int, r: float) -> NDArray:
     """The spherical polygon of vertex v, whose sides are the normals of its edges there."""
     sides = []
-    for e, tip in np.argwhere(cell.ends == v):
+    for e, tip in np.argwhere(cell.ends == v).tolist():
         angle = cell.start[e] + tip * cell.span[e]
         out = cell.circle(e, np.array([angle]))[0]
         low, high = (np.arcsin(np.clip(s, -1.0, 1.0)) for s in cell.slopes(e))
@@ -136,7 +146,7 @@ def _corner(cell: Features, v: int, r: float) -> NDArray:
         rim = np.cos(tilt)[:, None] * out + np.sin(tilt)[:, None] * axis
         slope = -np.sin(tilt)[:, None] * out + np.cos(tilt)[:, None] * axis
         sides.append((rim, slope, (high - low) * weights))
-    apex = sum(rim.sum(axis=0) for rim, _, _ in sides)
+    apex = np.sum([rim.sum(axis=0) for rim, _, _ in sides], axis=0)
     apex /= np.linalg.norm(apex)
     total = np.zeros(10)
     for rim, slope, weight in sides:

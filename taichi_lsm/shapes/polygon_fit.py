@@ -1,9 +1,8 @@
 """Closed chains of circular arcs with a continuous normal: construction, mass, and the fit to a polygon.
 
-A chain is fixed by its break angles theta_i and radii r_i. Arc i turns the outward normal n from theta_i to
-theta_(i+1) and moves the surface point by the integral of r_i (-sin, cos) dtheta = r_i (n_(i+1) - n_i), so
-the chain closes if sum of r_i (n_(i+1) - n_i) = 0. That is linear in the radii: the fit to a polygon is a
-linear programme.
+A chain is fixed by its break angles theta_i and radii r_i. Arc i turns the outward normal n from theta_i to theta_(i+1)
+and moves the surface point by the integral of r_i (-sin, cos) dtheta = r_i (n_(i+1) - n_i), so the chain closes if the
+sum of r_i (n_(i+1) - n_i) is 0. That is linear in the radii: the fit to a polygon is a linear programme.
 """
 
 from __future__ import annotations
@@ -12,57 +11,57 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import InputError, SimulationError
 from .arc_chain import CHAIN_TOLERANCE, ArcChain
+from .geometry import cross_2d, deepest_point, unit_normals
+from .input_checks import check_at_least, check_positive, number_array
 from .voronoi_tiles import SHORT_SIDE, polygon_measures
 
-# Gauss-Legendre on [-1, 1]. The integrands are trigonometric polynomials of degree 3 on arcs of less than pi;
-# with 16 nodes the remainder is below 1e-17 of the integrand. Closed forms would cancel on the narrow, flat
-# arcs of the sides.
+# Gauss-Legendre on [-1, 1]. The integrands are trigonometric polynomials of degree 3 on arcs of less than pi; with 16
+# nodes the remainder is below 1e-17 of the integrand. Closed forms would cancel on the narrow, flat arcs of the sides.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 LEAST_TURN = 1e-6  # rad: a corner that turns by less joins its two sides into one
-SIDE_SHARE = 0.25  # of a corner's turn: the most that the arc of a side may take from it
-
-
-def _cross(a: NDArray, b: NDArray) -> NDArray:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _normals(angle: NDArray) -> NDArray:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+SIDE_SHARE = 0.25  # of a corner's angle: the most that the arc of a side may take from it
 
 
 def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", normalise: bool = True) -> ArcChain:
     """The closed convex chain whose arc i has radius radii[i] and normals from breaks[i] to breaks[i + 1].
 
-    breaks (n,) [rad], ascending, less than one turn from first to last, steps below pi; the last arc ends at
-    breaks[0] + 2 pi. radii (n,) > 0 in any unit. The shape is moved to its centre of mass and, unless
-    normalise is False, rescaled to equivalent diameter 1. Mass properties are exact to rounding.
-    Raises ValueError if angles or radii are not of this form or the chain stays open by 1e-9 of its size.
-    """
-    breaks, radius = np.array(breaks, dtype=np.float64), np.array(radii, dtype=np.float64)
-    if breaks.ndim != 1 or breaks.size < 3 or radius.shape != breaks.shape:
-        raise ValueError(f"breaks and radii have shapes {breaks.shape}, {radius.shape}: must be (n,), n >= 3, both")
-    if not np.all(np.isfinite(breaks)):
-        raise ValueError(f"breaks = {breaks}: must be finite")
-    if not np.all((radius > 0) & np.isfinite(radius)):
-        raise ValueError(f"radii = {radius}: must be finite and > 0")
-    span = np.diff(breaks, append=breaks[0] + 2 * np.pi)
-    if np.any(span <= 0) or np.any(span >= np.pi):
-        raise ValueError(f"breaks turn by {span} rad: each step must be more than 0 and less than pi")
-    seam = _normals(breaks)
-    gap = float(np.linalg.norm(radius @ (np.roll(seam, -1, axis=0) - seam)))
-    size = float(radius @ span) / np.pi
-    if gap > CHAIN_TOLERANCE * size:
-        raise ValueError(f"radii leave the chain open by {gap:.3g}: must close to {CHAIN_TOLERANCE * size:.3g}")
+    Parameters
+    ----------
+    breaks : array_like, (n,)
+        Angles of the seams [rad], n >= 3, ascending, less than one turn from first to last, in steps below pi; the
+        last arc ends at breaks[0] + 2 pi.
+    radii : array_like, (n,)
+        Radii of the arcs > 0, in any unit of length.
+    name : str
+        What pictures and files call the shape.
+    normalise : bool
+        Whether to rescale to the equivalent diameter 1; else the unit of the radii is kept.
 
+    Returns
+    -------
+    ArcChain
+        The chain, moved to its centre of mass. Mass properties are exact to rounding.
+
+    Raises
+    ------
+    InputError
+        If angles or radii are not of this form or the chain stays open by more than 1e-9 of its size.
+
+    Notes
+    -----
+    The chain closes if the sum of r_i (n_(i+1) - n_i) over its arcs is 0, n_i the normal at breaks[i].
+    """
+    breaks, radius, span, seam = _checked_arcs(breaks, radii)
     centre = np.zeros((radius.size, 2))
     centre[1:] = np.cumsum((radius[:-1] - radius[1:])[:, None] * seam[1:], axis=0)
     centre -= _area_and_moment(centre, radius, breaks, span)[1]
     area, residue, _ = _area_and_moment(centre, radius, breaks, span)
     centre -= residue  # the first shift, from far away, leaves its rounding
-    scale = np.sqrt(0.25 * np.pi / area) if normalise else 1.0
-    centre, radius = scale * centre, scale * radius
+    factor = np.sqrt(0.25 * np.pi / area) if normalise else 1.0
+    centre, radius = factor * centre, factor * radius
     area, _, polar = _area_and_moment(centre, radius, breaks, span)
     bounding_radius, lever = _reach(centre, radius, breaks, span)
     return ArcChain(
@@ -79,6 +78,26 @@ def arc_chain(breaks: ArrayLike, radii: ArrayLike, *, name: str = "arc chain", n
     )
 
 
+def _checked_arcs(breaks: ArrayLike, radii: ArrayLike) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Break angles, radii, spans (n,) and seams (n, 2) of arcs that are a closed chain; InputError for others."""
+    breaks, radius = number_array("breaks", breaks), number_array("radii", radii)
+    if breaks.ndim != 1 or breaks.size < 3 or radius.shape != breaks.shape:
+        raise InputError(f"breaks and radii have shapes {breaks.shape}, {radius.shape}: must be (n,), n >= 3, both")
+    if not np.all(np.isfinite(breaks)):
+        raise InputError(f"breaks = {breaks}: must be finite")
+    if not np.all((radius > 0) & np.isfinite(radius)):
+        raise InputError(f"radii = {radius}: must be finite and > 0")
+    span = np.diff(breaks, append=breaks[0] + 2 * np.pi)
+    if np.any(span <= 0) or np.any(span >= np.pi):
+        raise InputError(f"breaks turn by {span} rad: each step must be more than 0 and less than pi")
+    seam = unit_normals(breaks)
+    gap = float(np.linalg.norm(radius @ (np.roll(seam, -1, axis=0) - seam)))
+    size = float(radius @ span) / np.pi
+    if gap > CHAIN_TOLERANCE * size:
+        raise InputError(f"radii leave the chain open by {gap:.3g}: must close to {CHAIN_TOLERANCE * size:.3g}")
+    return breaks, radius, span, seam
+
+
 def _area_and_moment(centre: NDArray, radius: NDArray, breaks: NDArray, span: NDArray) -> tuple[float, NDArray, float]:
     """Area, centroid (2,) and polar second moment about the origin, by the divergence theorem.
 
@@ -86,7 +105,7 @@ def _area_and_moment(centre: NDArray, radius: NDArray, breaks: NDArray, span: ND
     int |x|^2 dA = 1/4 int |x|^2 (x.n) ds.
     """
     angle = (breaks + 0.5 * span)[:, None] + 0.5 * span[:, None] * _NODES
-    n = _normals(angle)
+    n = unit_normals(angle)
     x = centre[:, None, :] + radius[:, None, None] * n
     flux = np.sum(x * n, axis=-1) * (0.5 * radius * span)[:, None] * _WEIGHTS
     area = 0.5 * flux.sum()
@@ -101,14 +120,15 @@ def _reach(centre: NDArray, radius: NDArray, breaks: NDArray, span: NDArray) -> 
     towards = np.arctan2(centre[:, 1], centre[:, 0])
 
     def within(angle: NDArray) -> NDArray:
+        """Which arcs hold the normal at their angle."""
         return np.mod(angle - breaks, 2 * np.pi) <= span
 
-    n = _normals(breaks)
+    n = unit_normals(breaks)
     bounding = np.linalg.norm(centre + radius[:, None] * n, axis=1).max()
     facing = within(towards)  # there x = p + r n is longest where n points along p
     if facing.any():
         bounding = max(bounding, (distance + radius)[facing].max())
-    lever = np.abs(_cross(centre, n)).max()
+    lever = np.abs(cross_2d(centre, n)).max()
     quarter = 0.5 * np.pi  # x cross n = p cross n is greatest where n is square to p
     square = within(towards + quarter) | within(towards - quarter)
     if square.any():
@@ -117,15 +137,30 @@ def _reach(centre: NDArray, radius: NDArray, breaks: NDArray, span: NDArray) -> 
 
 
 def regular_disc_of_arcs(n: int) -> ArcChain:
-    """The disc of diameter 1 cut into n >= 3 equal arcs, all centred at 0: contacts equal those of `disc`."""
-    if n < 3:
-        raise ValueError(f"n = {n}: must be at least 3, for arcs turn by less than pi")
+    """The disc of diameter 1 cut into equal arcs, all centred at 0: contacts equal those of `disc`.
+
+    Parameters
+    ----------
+    n : int
+        Number of arcs, >= 3.
+
+    Returns
+    -------
+    ArcChain
+        The disc as a chain of n arcs.
+
+    Raises
+    ------
+    InputError
+        For fewer than 3 arcs.
+    """
+    check_at_least("n", n, 3, ", for arcs turn by less than pi")
     return ArcChain(
         name=f"disc of {n} arcs",
         dim=2,
         centre=np.zeros((n, 2)),
         radius=np.full(n, 0.5),
-        seam=_normals(2 * np.pi / n * np.arange(n)),
+        seam=unit_normals(2 * np.pi / n * np.arange(n)),
         measure=np.pi / 4,
         inertia=np.array([np.pi / 32]),
         bounding_radius=0.5,
@@ -146,84 +181,110 @@ def from_polygon(
 ) -> ArcChain:
     """The arc chain of greatest perimeter inside a convex polygon, with no arc sharper than corner_radius.
 
-    vertices (k, 2) in any unit L, in order, either way round. corner_radius [L]. Each side gets one arc that
-    turns by side_half_width [rad] to either side of its normal (less beside blunt corners), each corner
-    arcs_per_corner equal arcs. largest_radius: bound on every arc in units of the polygon's equivalent
-    diameter.
-    Linear programme: maximise sum r_i dtheta_i over the first point and the radii, subject to closure, to the
-    support h(side normal) <= side distance, and to corner_radius <= r_i <= largest_radius. A disc that fits
-    is feasible, so the programme is feasible exactly for corner radii up to the polygon's inscribed radius.
-    Moved to its centre of mass and rescaled (normalise) as in `arc_chain`.
-    Raises ValueError if the polygon is not convex or a parameter is out of the range it names.
+    Parameters
+    ----------
+    vertices : array_like, (k, 2)
+        Corners of a convex polygon in order, clockwise or counter-clockwise, in any unit of length L.
+    corner_radius : float
+        Least radius of an arc [L], > 0 and at most the inscribed radius of the polygon.
+    side_half_width : float
+        Each side gets one arc that turns by this angle [rad] to either side of its normal, above 0 and below pi/2;
+        less beside blunt corners.
+    arcs_per_corner : int
+        Number of equal arcs of each corner, >= 1.
+    largest_radius : float
+        Bound on the radius of every arc, in equivalent diameters of the polygon.
+    name : str
+        What pictures and files call the shape.
+    normalise : bool
+        Whether to rescale to the equivalent diameter 1; else the unit L is kept.
+
+    Returns
+    -------
+    ArcChain
+        The chain, moved to its centre of mass.
+
+    Raises
+    ------
+    InputError
+        If the polygon is not convex or a parameter is out of the range it names.
+    SimulationError
+        If the solver of the linear programme fails.
+
+    Notes
+    -----
+    Linear programme: maximise sum r_i dtheta_i over the first point and the radii, subject to closure, to the support
+    h(side normal) <= side distance, and to corner_radius <= r_i <= largest_radius. A disc that fits is feasible, so
+    the programme is feasible exactly for corner radii up to the inscribed radius of the polygon.
     """
     points, size = _convex_sides(vertices)
-    if not 0 < side_half_width < 0.5 * np.pi:
-        raise ValueError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
-    if arcs_per_corner < 1:
-        raise ValueError(f"arcs_per_corner = {arcs_per_corner}: must be at least 1")
-    if not (np.isfinite(corner_radius) and corner_radius > 0):
-        raise ValueError(f"corner_radius = {corner_radius}: must be finite and > 0")
-    if not corner_radius <= largest_radius * size:
-        raise ValueError(
-            f"largest_radius = {largest_radius} polygon diameters: must be at least the corner radius, "
-            f"{corner_radius / size:.6g} of them, or no chain exists"
-        )
+    _check_fit(size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
     side = np.roll(points, -1, axis=0) - points
     phi = np.unwrap(np.arctan2(-side[:, 0], side[:, 1]))
-    normal = _normals(phi)
+    normal = unit_normals(phi)
     distance = np.sum(normal * points, axis=1)
     breaks = _break_angles(phi, side_half_width, arcs_per_corner)
     least = corner_radius / size
     radius = _fit_radii(breaks, arcs_per_corner + 1, normal, distance, least, largest_radius)
     if radius is None:
-        inscribed = _inscribed_radius(normal, distance)
-        raise ValueError(
+        _, inscribed = deepest_point(normal, distance)
+        raise InputError(
             f"corner_radius = {corner_radius}: too large for the polygon, at most {inscribed * size:.6g} fits"
         )
     return arc_chain(breaks, radius if normalise else size * radius, name=name, normalise=normalise)
 
 
+def _check_fit(
+    size: float, corner_radius: float, side_half_width: float, arcs_per_corner: int, largest_radius: float
+) -> None:
+    """Refuse parameters of `from_polygon` out of range, for a polygon of equivalent diameter `size`."""
+    if not 0 < side_half_width < 0.5 * np.pi:
+        raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
+    check_at_least("arcs_per_corner", arcs_per_corner, 1)
+    check_positive("corner_radius", corner_radius)
+    if not corner_radius <= largest_radius * size:
+        raise InputError(
+            f"largest_radius = {largest_radius} polygon diameters: must be at least the corner radius, "
+            f"{corner_radius / size:.6g} of them, or no chain exists"
+        )
+
+
 def _convex_sides(vertices: ArrayLike) -> tuple[NDArray, float]:
-    """Vertices (m, 2) of the polygon, counter-clockwise, about its centroid, over its equivalent diameter;
-    and that diameter [L]. Sides that are a point and corners that are straight are dropped."""
-    points = np.array(vertices, dtype=np.float64)
+    """Vertices (m, 2) of the polygon about its centroid, over its equivalent diameter, and that diameter [L].
+
+    Counter-clockwise; sides that are a point and corners that are straight are dropped.
+    """
+    points = number_array("vertices", vertices)
     if points.ndim == 2 and points.shape[1:] == (2,) and len(points) >= 3:
         a = points - points[0]
-        if _cross(a, np.roll(a, -1, axis=0)).sum() < 0:
+        if cross_2d(a, np.roll(a, -1, axis=0)).sum() < 0:
             points = points[::-1]
     measures = polygon_measures(points)
     points = (points - measures.centroid) / measures.diameter
     points = points[np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1) > SHORT_SIDE]
-    turn = _turns(points)
-    if np.any(turn < -LEAST_TURN) or abs(turn.sum() - 2 * np.pi) > 1e-6:
-        raise ValueError(
-            f"vertices turn by {turn} rad: a convex polygon never turns back and turns by 2 pi in all; "
+    angle = _exterior_angles(points)
+    if np.any(angle < -LEAST_TURN) or abs(angle.sum() - 2 * np.pi) > 1e-6:
+        raise InputError(
+            f"vertices turn by {angle} rad: a convex polygon never turns back and turns by 2 pi in all; "
             "cut other polygons into convex parts first"
         )
-    return points[turn > LEAST_TURN], measures.diameter
+    return points[angle > LEAST_TURN], measures.diameter
 
 
-def _turns(points: NDArray) -> NDArray:
+def _exterior_angles(points: NDArray) -> NDArray:
     """Exterior angle at each vertex (k,) [rad]."""
     after = np.roll(points, -1, axis=0) - points
     before = points - np.roll(points, 1, axis=0)
-    return np.arctan2(_cross(before, after), np.sum(before * after, axis=1))
-
-
-def _inscribed_radius(normal: NDArray, distance: NDArray) -> float:
-    """Radius of the greatest disc with n . x + r <= distance for every side."""
-    rows = np.column_stack([normal, np.ones(len(normal))])
-    answer = scipy.optimize.linprog([0, 0, -1], A_ub=rows, b_ub=distance, bounds=[(None, None)] * 2 + [(0, None)])
-    return float(answer.x[2])
+    return np.arctan2(cross_2d(before, after), np.sum(before * after, axis=1))
 
 
 def _break_angles(phi: NDArray, half_width: float, arcs_per_corner: int) -> NDArray:
     """First normal angle of every arc: for each side its own arc, then those of the corner after it."""
-    turn = np.diff(phi, append=phi[0] + 2 * np.pi)
-    half = np.minimum(half_width, SIDE_SHARE * np.minimum(turn, np.roll(turn, 1)))
-    first = phi + half
-    step = (turn - half - np.roll(half, -1)) / arcs_per_corner
-    corner = first[:, None] + step[:, None] * np.arange(arcs_per_corner)
+    angle = np.diff(phi, append=phi[0] + 2 * np.pi)  # of the corner after each side
+    half = np.minimum(half_width, SIDE_SHARE * np.minimum(angle, np.roll(angle, 1)))
+    side_end = phi + half
+    step = (angle - half - np.roll(half, -1)) / arcs_per_corner
+    corner = side_end[:, None] + step[:, None] * np.arange(arcs_per_corner)
     return np.column_stack([phi - half, corner]).ravel()
 
 
@@ -231,10 +292,12 @@ def _fit_radii(
     breaks: NDArray, arcs_per_side: int, normal: NDArray, distance: NDArray, least: float, most: float
 ) -> NDArray | None:
     """Radii (n,) of the longest chain in normal . x <= distance, None if none fits: see `from_polygon`."""
-    seam = _normals(breaks)
+    seam = unit_normals(breaks)
     count = breaks.size
     step = np.roll(seam, -1, axis=0) - seam
     closure = np.hstack([np.zeros((2, 2)), step.T])
+    # Unknowns: the first point x_0 and the radii. The support at a side's normal n, which lies within the arc `own`, is
+    # x_0 . n + sum over the arcs before it of r_i (n_(i+1) - n_i) . n + r_own (n - n_own) . n.
     support = np.zeros((len(normal), 2 + count))
     support[:, :2] = normal
     for k, n in enumerate(normal):
@@ -255,12 +318,15 @@ def _fit_radii(
     if answer.status == 2:
         return None
     if answer.status != 0:
-        raise RuntimeError(f"the linear programme of the fit failed: {answer.message}")
-    return _close(np.clip(answer.x[2:], least, most), step, least, most)
+        raise SimulationError(f"the linear programme of the fit to the polygon failed: {answer.message}")
+    return closed_radii(np.clip(answer.x[2:], least, most), step, least, most)
 
 
-def _close(radius: NDArray, step: NDArray, least: float, most: float) -> NDArray:
-    """The radii, changed as little as closes the chain to rounding; the solver leaves it open by 1e-10."""
+def closed_radii(radius: NDArray, step: NDArray, least: float, most: float) -> NDArray:
+    """The radii (n,), changed as little as closes the chain to rounding; a solver leaves it open by 1e-10.
+
+    step (n, 2): n_(i+1) - n_i of every arc. Only radii off their bounds `least` and `most` change.
+    """
     radius = np.where(radius < least * (1 + 1e-9), least, radius)
     free = (radius > least) & (radius < most * (1 - 1e-9))
     if free.sum() >= 2:

@@ -2,37 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.atomic_netcdf import write_atomically
+from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
 from .base import GrainShape
 from .cone_patches import PatchGrain
 from .union import Union
 
+if TYPE_CHECKING:
+    from netCDF4 import Dataset, Group
+
 CLASSES = {cls.__name__: cls for cls in (ArcChain, BallPolyhedron, PatchGrain, Union)}
 UNITS = {"half_angle": "rad"}
 
 
-def save_shapes(path, shapes) -> None:
-    """Write the shapes to the NetCDF file `path`, which appears whole or not at all.
+def save_shapes(path: str | PathLike[str], shapes: Sequence[GrainShape]) -> None:
+    """Write shapes to a NetCDF file, which appears whole or not at all.
 
-    Lengths are in units of the shape's own scale, angles in rad. Raises ValueError for anything that is no shape.
+    Parameters
+    ----------
+    path : path
+        File to write; an older one is replaced.
+    shapes : sequence of GrainShape
+        Shapes to write: lengths in the unit of each shape (its equivalent diameter if it is normalised), angles [rad],
+        body frame.
+
+    Raises
+    ------
+    InputError
+        For anything that is no shape, and if the file cannot be written.
     """
     unknown = [s for s in shapes if type(s).__name__ not in CLASSES]
     if unknown:
-        raise ValueError(f"shapes: {unknown[0]!r} is not one of {', '.join(CLASSES)}")
+        raise InputError(f"shapes: {unknown[0]!r} is not one of {', '.join(CLASSES)}")
 
-    def fill(file):
+    def fill(file: Dataset) -> None:
+        """Write all shapes to an empty file."""
         file.setncatts(
             {
                 "title": "Grain shapes",
                 "Conventions": "CF-1.11, ACDD-1.3",
-                "summary": "One group per shape; lengths in units of the scale of the shape, body frame.",
+                "summary": "One group per shape; lengths in diameters of the shape, body frame.",
                 "source": "taichi_lsm",
                 "shapes": np.int64(len(shapes)),
             }
@@ -40,10 +59,14 @@ def save_shapes(path, shapes) -> None:
         for k, shape in enumerate(shapes):
             _write(file.createGroup(f"shape_{k}"), shape)
 
-    write_atomically(path, fill)
+    try:
+        write_atomically(path, fill)
+    except OSError as error:
+        raise InputError(f"shapes {path}: cannot be written ({error})") from None
 
 
-def _write(group, shape: GrainShape) -> None:
+def _write(group: Group, shape: GrainShape) -> None:
+    """Write the fields of one shape, those of the parts of a union in groups of their own."""
     group.setncattr("class", type(shape).__name__)
     for field in fields(shape):
         value = getattr(shape, field.name)
@@ -63,33 +86,51 @@ def _write(group, shape: GrainShape) -> None:
             variable[...] = array
 
 
-def load_shapes(path) -> list[GrainShape]:
-    """The shapes of a file that `save_shapes` wrote. Raises ValueError naming the file and what is wrong with it."""
+def load_shapes(path: str | PathLike[str]) -> list[GrainShape]:
+    """The shapes of a file that `save_shapes` wrote.
+
+    Parameters
+    ----------
+    path : path
+        File to read.
+
+    Returns
+    -------
+    list of GrainShape
+        The same shapes, bit for bit, in the same order.
+
+    Raises
+    ------
+    InputError
+        If the file does not exist, cannot be read or holds something else; the message names the file and the cause.
+    """
     import netCDF4
 
     path = Path(path)
     if not path.is_file():
-        raise ValueError(f"shapes {path}: no such file")
+        raise InputError(f"shapes {path}: no such file")
     try:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
             if "shapes" not in file.ncattrs():
-                raise ValueError(f"shapes {path}: the attribute `shapes` is missing, so it holds no shapes")
-            return [_read(_group(file, f"shape_{k}", path), path) for k in range(int(file.shapes))]
+                raise InputError(f"shapes {path}: the attribute `shapes` is missing, so it holds no shapes")
+            return [_read(_group(file, f"shape_{k}", path), path) for k in range(int(file.getncattr("shapes")))]
     except OSError as error:
-        raise ValueError(f"shapes {path}: cannot be read as NetCDF ({error})") from None
+        raise InputError(f"shapes {path}: cannot be read as NetCDF ({error})") from None
 
 
-def _group(parent, name: str, path: Path):
+def _group(parent: Dataset, name: str, path: Path) -> Group:
+    """A group of a file by its name."""
     if name not in parent.groups:
-        raise ValueError(f"shapes {path}: group {name} is missing")
+        raise InputError(f"shapes {path}: group {name} is missing")
     return parent.groups[name]
 
 
-def _read(group, path: Path) -> GrainShape:
+def _read(group: Group, path: Path) -> GrainShape:
+    """The shape of one group."""
     name = group.getncattr("class") if "class" in group.ncattrs() else None
     if name not in CLASSES:
-        raise ValueError(f"shapes {path}: {group.name} is of class {name!r}, must be one of {', '.join(CLASSES)}")
+        raise InputError(f"shapes {path}: {group.name} is of class {name!r}, must be one of {', '.join(CLASSES)}")
     values = {}
     for field in fields(CLASSES[name]):
         if field.name == "members":
@@ -101,8 +142,8 @@ def _read(group, path: Path) -> GrainShape:
         elif field.name in group.ncattrs():
             values[field.name] = str(group.getncattr(field.name))
         else:
-            raise ValueError(f"shapes {path}: {group.name} lacks {field.name}")
+            raise InputError(f"shapes {path}: {group.name} lacks {field.name}")
     try:
         return CLASSES[name](**values)
     except (ValueError, TypeError, IndexError) as error:
-        raise ValueError(f"shapes {path}: {group.name}: {error}") from None
+        raise InputError(f"shapes {path}: {group.name}: {error}") from None

@@ -4,119 +4,203 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import InputError
 from .arc_chain import ArcChain
-from .ball_cells import spread
 from .ball_polyhedron import BallPolyhedron
-from .base import GrainShape
+from .base import GrainShape, Patches, counted
+from .geometry import even_directions, polygon_integrals, principal_frame, unit_normals
+from .input_checks import check_positive
 from .polygon_fit import from_polygon
 
-OUTLINE_POINTS = 4000  # of a member; two such outlines give moments to about 1e-8
+ConvexShape = ArcChain | BallPolyhedron
+Part = TypeVar("Part", ArcChain, BallPolyhedron)
+
+OUTLINE_POINTS = 4000  # of a part; two such outlines give moments to about 1e-8
 GRID = 72  # cells per axis that measure a 3D union, to about 1e-3
+BALL_MARGIN = 1.001  # on the radius of a ball about sampled points of a part, for what lies between them
+REACH_MARGIN = 1.0005  # the same for the bounding radius of the union
 PROBE = 1e-3  # equivalent diameters: parts nearer than this to a point of the outer surface resist there together
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Union(GrainShape):
-    """A rigid grain of convex members, whose arrays are in the frame of the whole. Members never touch each other.
+    """A rigid grain of convex parts, whose arrays are in the body frame of the whole. Parts never touch each other.
 
-    stiffness_peak: greatest number of members that resist at one point of the outer surface, in units of the contact
-    stiffness k: where members meet at a re-entrant corner it is 2; along shared outer surfaces it should not be.
+    Parameters
+    ----------
+    name, dim, measure, inertia, bounding_radius, overlap_limit, lever
+        See `GrainShape`; mass properties are those of the union, the overlap limit is the least of its parts.
+    members : tuple of ArcChain or BallPolyhedron
+        The convex parts, all of one class; their mass is not used.
+    stiffness_peak : float
+        Greatest number of parts that resist at one point of the outer surface, in units of the contact stiffness k:
+        where parts meet at a re-entrant corner it is 2; along shared outer surfaces it should not be.
+
+    Raises
+    ------
+    InputError
+        If there is no part or a field has the wrong form.
     """
 
-    members: tuple
+    members: tuple[ConvexShape, ...]
     stiffness_peak: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.members:
+            raise InputError("members = (): must be at least one convex part")
 
     @property
     def kind(self) -> str:
-        """The contact geometry of the members."""
+        """The contact geometry that reads the surface of the parts: chain or polyhedron."""
         return self.members[0].kind
 
     @property
     def patch_count(self) -> int:
-        """Number of patches of all members."""
+        """Number of patches of all parts."""
         return sum(m.patch_count for m in self.members)
 
     @property
-    def parts(self) -> tuple[GrainShape, ...]:
-        """The convex members."""
+    def parts(self) -> tuple[ConvexShape, ...]:
+        """The convex parts, in the body frame of the whole."""
         return self.members
 
-    def patches(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """See GrainShape; member after member."""
-        return tuple(np.concatenate(rows) for rows in zip(*(m.patches() for m in self.members), strict=True))
+    def _content(self) -> tuple[str, ...]:
+        """Numbers of parts and of their patches."""
+        return counted(len(self.members), "part", "parts"), *super()._content()
+
+    def patches(self) -> Patches:
+        """See `GrainShape.patches`; part after part."""
+        centre, radius, axis, half_angle = (np.concatenate(rows) for rows in zip(*(m.patches() for m in self.members)))
+        return centre, radius, axis, half_angle
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
-        """Balls that hold the members: centres (members, dim), radii (members,)."""
+        """See `GrainShape.part_bounds`."""
         balls = [_ball_about(m) for m in self.members]
         return np.array([c for c, _ in balls]), np.array([r for _, r in balls])
 
 
-def _ball_about(member: GrainShape) -> tuple[NDArray, float]:
-    x = member.outline(512) if member.dim == 2 else member.support_points(spread(2000))
+def _surface_points(part: ConvexShape, count: int) -> NDArray:
+    """About `count` points (k, dim) of the surface of a convex part."""
+    return part.outline(count) if isinstance(part, ArcChain) else part.support_points(even_directions(count))
+
+
+def _ball_about(part: ConvexShape) -> tuple[NDArray, float]:
+    """Centre (dim,) and radius of a ball that holds a convex part."""
+    x = _surface_points(part, 512 if part.dim == 2 else 2000)
     middle = 0.5 * (x.min(axis=0) + x.max(axis=0))
-    return middle, float(np.linalg.norm(x - middle, axis=1).max()) * 1.001  # between the sampled points
+    return middle, float(np.linalg.norm(x - middle, axis=1).max()) * BALL_MARGIN
 
 
-def placed(shape: GrainShape, offset: ArrayLike, turn: float | NDArray = 0.0, scale: float = 1.0) -> GrainShape:
-    """A convex shape as a member of a union: scaled, turned (angle [rad] in 2D, matrix in 3D), then moved by offset."""
+def place_part(shape: Part, offset: ArrayLike, rotation: float | NDArray = 0.0, factor: float = 1.0) -> Part:
+    """A convex shape as a part of a union: scaled, rotated, then moved.
+
+    Parameters
+    ----------
+    shape : ArcChain or BallPolyhedron
+        The part in its own body frame; an arc chain of 3 or more arcs.
+    offset : array_like, (dim,)
+        Where the centre of mass of the part goes, in the frame and unit of the union.
+    rotation : float or ndarray
+        Angle [rad] in 2D, rotation matrix (3, 3) in 3D; 0 is no rotation.
+    factor : float
+        Length of the unit of the shape in the unit of the union, > 0.
+
+    Returns
+    -------
+    ArcChain or BallPolyhedron
+        The part in the frame of the union, for `union`.
+
+    Raises
+    ------
+    InputError
+        If the shape is neither, or a number is out of range.
+    """
+    check_positive("factor", factor)
     if isinstance(shape, BallPolyhedron):
-        matrix = np.eye(3) if np.ndim(turn) == 0 else turn
-        return shape.rescaled(scale).moved(matrix, offset)
+        matrix = np.eye(3) if np.ndim(rotation) == 0 else np.asarray(rotation, dtype=np.float64)
+        if matrix.shape != (3, 3):
+            raise InputError(f"rotation has shape {matrix.shape}: must be (3, 3) for a 3D part")
+        return shape.rescaled(factor).moved(matrix, offset)
     if not (isinstance(shape, ArcChain) and shape.patch_count > 1):
-        raise ValueError(f"members: {shape.name!r} must be an arc chain of 3 or more arcs, or a ball-polyhedron")
-    c, s = np.cos(turn), np.sin(turn)
+        raise InputError(f"shape = {shape!r}: must be an arc chain of 3 or more arcs, or a ball-polyhedron")
+    if np.ndim(rotation) != 0:
+        raise InputError(f"rotation = {rotation}: must be an angle [rad] for a 2D part")
+    c, s = np.cos(rotation), np.sin(rotation)
     matrix = np.array([[c, -s], [s, c]])
-    reach = shape.bounding_radius * scale + float(np.linalg.norm(offset))
+    reach = shape.bounding_radius * factor + float(np.linalg.norm(offset))
     return replace(
         shape,
-        centre=scale * shape.centre @ matrix.T + np.asarray(offset),
-        radius=scale * shape.radius,
+        centre=factor * shape.centre @ matrix.T + np.asarray(offset),
+        radius=factor * shape.radius,
         seam=shape.seam @ matrix.T,
-        measure=shape.measure * scale**2,
-        inertia=shape.inertia * scale**4,
+        measure=shape.measure * factor**2,
+        inertia=shape.inertia * factor**4,
         bounding_radius=reach,
-        overlap_limit=shape.overlap_limit * scale,
-        lever=min(reach, shape.lever * scale + float(np.linalg.norm(offset))),
+        overlap_limit=shape.overlap_limit * factor,
+        lever=min(reach, shape.lever * factor + float(np.linalg.norm(offset))),
     )
 
 
-def union(members: Sequence[GrainShape], *, name: str = "union", normalise: bool = True) -> GrainShape:
-    """One rigid grain of convex members in a common frame, see `placed`; mass properties of the true union.
+def union(
+    members: Sequence[ConvexShape], *, name: str = "union", normalise: bool = True
+) -> Union | ArcChain | BallPolyhedron:
+    """One rigid grain of convex parts that may overlap.
 
-    Exact to about 1e-8 in 2D, 1e-3 in 3D. Moved to the centre of mass and, unless normalise is False, rescaled to
-    equivalent diameter 1. One member is returned as it is.
-    Raises ValueError if there is no member, kinds or dimensions differ, or the members do not hang together.
+    Parameters
+    ----------
+    members : sequence of ArcChain or BallPolyhedron
+        Parts of one class in a common frame and unit, see `place_part`; together they hang together.
+    name : str
+        What pictures and files call the shape.
+    normalise : bool
+        Whether to rescale to the equivalent diameter 1; else the unit of the parts is kept.
+
+    Returns
+    -------
+    Union or ArcChain or BallPolyhedron
+        The grain, moved to its centre of mass and in 3D rotated into the principal frame. Mass properties are those of
+        the true union, to about 1e-8 in 2D and 1e-3 in 3D. A single part is returned as it is.
+
+    Raises
+    ------
+    InputError
+        If there is no part, classes or dimensions differ, or the parts do not hang together.
     """
     members = list(members)
     if not members:
-        raise ValueError("members: none given, must be at least one")
+        raise InputError("members: none given, must be at least one")
+    for m in members:
+        if not isinstance(m, ArcChain | BallPolyhedron):
+            raise InputError(f"members: {m!r} is no convex shape, must be an ArcChain or a BallPolyhedron")
     if len(members) == 1:
         return members[0]
     if len({(m.kind, m.dim) for m in members}) > 1:
-        raise ValueError(f"members: {[(m.name, m.kind) for m in members]}, must be of one kind")
+        raise InputError(f"members: {[(m.name, m.kind) for m in members]}, must be of one kind")
+    return _union_of(members, name, normalise)
+
+
+def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> Union:
+    """The grain of two parts or more; see `union`."""
     dim = members[0].dim
     measure, centroid, second = _moments_2d(members) if dim == 2 else _moments_3d(members)
-    frame = np.eye(dim)
-    if dim == 2:
-        inertia = np.array([np.trace(second)])
-    else:
-        inertia, frame = np.linalg.eigh(np.trace(second) * np.eye(3) - second)
-        frame = frame * np.sign(np.linalg.det(frame))
+    inertia, frame = principal_frame(second)
     unit = np.pi / 4 if dim == 2 else np.pi / 6
     factor = (unit / measure) ** (1.0 / dim) if normalise else 1.0
     inertia = inertia * factor ** (dim + 2)
-    moved = []
+    moved: list[ConvexShape] = []
     for m in members:
-        if dim == 3:
+        if isinstance(m, BallPolyhedron):
             moved.append(m.moved(frame.T, -frame.T @ centroid).rescaled(factor))
         else:
-            moved.append(placed(m, -factor * centroid, 0.0, factor))
-    points = np.concatenate([m.outline(4000) if dim == 2 else m.support_points(spread(4000)) for m in moved])
-    reach = float(np.linalg.norm(points, axis=1).max()) * 1.0005
+            moved.append(place_part(m, -factor * centroid, 0.0, factor))
+    points = np.concatenate([_surface_points(m, OUTLINE_POINTS) for m in moved])
+    reach = float(np.linalg.norm(points, axis=1).max()) * REACH_MARGIN
     return Union(
         name=name,
         dim=dim,
@@ -130,60 +214,60 @@ def union(members: Sequence[GrainShape], *, name: str = "union", normalise: bool
     )
 
 
-def _depth_in(member: GrainShape, x: NDArray) -> NDArray:
-    """How far inside a convex member the points (k, dim) lie, at most; negative outside."""
-    if member.dim == 2:
-        angle = 2.0 * np.pi * np.arange(720) / 720
-        n = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    else:
-        n = spread(1000)
-    return (member.support(n) - x @ n.T).min(axis=1)
+def _depth_in(part: ConvexShape, x: NDArray) -> NDArray:
+    """How far inside a convex part the points (k, dim) lie, at most; negative outside."""
+    n = unit_normals(2.0 * np.pi * np.arange(720) / 720) if part.dim == 2 else even_directions(1000)
+    return (part.support(n) - x @ n.T).min(axis=1)
 
 
-def _stiffness_peak(members: Sequence[GrainShape], points: NDArray) -> float:
+def _stiffness_peak(members: Sequence[ConvexShape], points: NDArray) -> float:
+    """Greatest number of parts near one of the points (k, dim) that lies on the outer surface; see `Union`."""
     depth = np.array([_depth_in(m, points) for m in members])
     outer = depth.max(axis=0) < 0.5 * PROBE
     return float((depth[:, outer] > -PROBE).sum(axis=0).max())
 
 
-def _moments_2d(members) -> tuple[float, NDArray, NDArray]:
-    coarse, fine = (_polygon_moments(members, count) for count in (OUTLINE_POINTS // 2, OUTLINE_POINTS))
-    first, moment, second = (
-        (4.0 * b - a) / 3.0 for a, b in zip(coarse, fine)
-    )  # chords miss an area that falls as 1/n^2
-    centroid = moment / first
-    return float(first), centroid, second - first * np.outer(centroid, centroid)
+def _moments_2d(members: Sequence[ConvexShape]) -> tuple[float, NDArray, NDArray]:
+    """(area, centroid (2,), second moments (2, 2) about it) of the union of 2D parts."""
+    # Chords miss an area that falls as 1/n^2: two numbers of points extrapolate it (Richardson).
+    coarse = _outline_moments(members, OUTLINE_POINTS // 2)
+    fine = _outline_moments(members, OUTLINE_POINTS)
+    area = (4.0 * fine[0] - coarse[0]) / 3.0
+    first, second = (4.0 * fine[1] - coarse[1]) / 3.0, (4.0 * fine[2] - coarse[2]) / 3.0
+    centroid = first / area
+    return area, centroid, second - area * np.outer(centroid, centroid)
 
 
-def _polygon_moments(members, count: int) -> tuple[float, NDArray, NDArray]:
-    """Area, first moment (2,) and second moments (2, 2) of the union of the members' outlines of `count` points."""
+def _outline_moments(members: Sequence[ConvexShape], count: int) -> tuple[float, NDArray, NDArray]:
+    """Area, first moment (2,) and second moments (2, 2) of the union of the parts' outlines of `count` points."""
     import shapely
 
-    body = shapely.union_all([shapely.Polygon(m.outline(count)) for m in members])
-    if body.geom_type != "Polygon":
-        raise ValueError("members: must hang together, but the union falls apart")
-    area, moment, second = 0.0, np.zeros(2), np.zeros((2, 2))
-    for ring in (body.exterior, *body.interiors):
-        a = np.array(ring.coords)[:-1]
-        b = np.roll(a, -1, axis=0)
-        cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        way = np.sign(cross.sum()) * (1.0 if ring is body.exterior or ring.equals(body.exterior) else -1.0)
-        area += way * 0.5 * cross.sum()
-        moment += way * ((a + b) * cross[:, None]).sum(axis=0) / 6.0
-        outer = np.einsum("ki,kj->kij", a, a) + np.einsum("ki,kj->kij", b, b) + np.einsum("ki,kj->kij", a + b, a + b)
-        second += way * np.einsum("k,kij->ij", cross, outer) / 24.0
-    return area, moment, second
+    body = shapely.union_all([shapely.Polygon(_surface_points(m, count)) for m in members])
+    if not isinstance(body, shapely.Polygon):
+        raise InputError("members: must hang together, but the union falls apart; move the parts together")
+    area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
+    # The exterior counts with its area and the holes against it, whatever the sense of their points.
+    for ring, outer in ((body.exterior, True), *((hole, False) for hole in body.interiors)):
+        twice_area, six_first, second_24 = polygon_integrals(shapely.get_coordinates(ring)[:-1])
+        sign = np.sign(twice_area) * (1.0 if outer else -1.0)
+        area += sign * 0.5 * twice_area
+        first += sign * six_first / 6.0
+        second += sign * second_24 / 24.0
+    return float(area), first, second
 
 
-def _moments_3d(members) -> tuple[float, NDArray, NDArray]:
-    """Midpoint sums over a grid; parts hang together if they overlap in a chain."""
-    reach = [m.support_points(spread(500)) for m in members]
+def _moments_3d(members: Sequence[ConvexShape]) -> tuple[float, NDArray, NDArray]:
+    """(volume, centroid (3,), second moments (3, 3) about it) of the union of 3D parts, by midpoint sums over a grid.
+
+    Parts hang together if they overlap in a chain.
+    """
+    reach = [_surface_points(m, 500) for m in members]
     low, high = np.concatenate(reach).min(axis=0), np.concatenate(reach).max(axis=0)
     width = (high - low) / GRID
     axes = [low[i] + width[i] * (np.arange(GRID) + 0.5) for i in range(3)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     inside = np.array([np.concatenate([_depth_in(m, chunk) > 0 for chunk in np.array_split(x, 64)]) for m in members])
-    joined, waiting = {0}, [0]
+    joined, waiting = {0}, [0]  # parts reached from the first one through overlaps
     while waiting:
         here = waiting.pop()
         for other in range(len(members)):
@@ -191,19 +275,39 @@ def _moments_3d(members) -> tuple[float, NDArray, NDArray]:
                 joined.add(other)
                 waiting.append(other)
     if len(joined) < len(members):
-        raise ValueError("members: must hang together, but the union falls apart")
+        raise InputError("members: must hang together, but the union falls apart; move the parts together")
     x = x[inside.any(axis=0)]
     cell = width.prod()
     measure, centroid = cell * len(x), x.mean(axis=0)
     return float(measure), centroid, cell * np.einsum("ki,kj->ij", x - centroid, x - centroid)
 
 
-def cross(arm_ratio: float = 3.0, corner_radius: float = 0.05) -> GrainShape:
-    """Two equal rounded bars at a right angle (2D); arm_ratio: length over width of a bar, above 1. The bars share
-    the square in the middle and meet at four re-entrant corners."""
+def crossed_bars(arm_ratio: float = 3.0, corner_radius: float = 0.05) -> Union:
+    """Two equal rounded bars at a right angle (2D).
+
+    Parameters
+    ----------
+    arm_ratio : float
+        Length over width of a bar, finite and > 1.
+    corner_radius : float
+        Least radius of a corner in equivalent diameters of the cross before its corners are rounded, > 0 and at most
+        half the width of a bar.
+
+    Returns
+    -------
+    Union
+        Grain of equivalent diameter 1, body frame. The bars share the square in the middle and meet at four re-entrant
+        corners.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
     if not (np.isfinite(arm_ratio) and arm_ratio > 1):
-        raise ValueError(f"arm_ratio = {arm_ratio}: must be above 1")
+        raise InputError(f"arm_ratio = {arm_ratio}: must be finite and above 1")
     x, y = 0.5 * arm_ratio, 0.5
     size = np.sqrt(4.0 / np.pi * (2.0 * arm_ratio - 1.0))
     bar = from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * size, normalise=False)
-    return union([placed(bar, (0.0, 0.0)), placed(bar, (0.0, 0.0), 0.5 * np.pi)], name=f"cross {arm_ratio:g}")
+    bars = [place_part(bar, (0.0, 0.0)), place_part(bar, (0.0, 0.0), 0.5 * np.pi)]
+    return _union_of(bars, f"cross {arm_ratio:g}", normalise=True)

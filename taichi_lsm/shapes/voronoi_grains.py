@@ -1,19 +1,22 @@
-"""Ready-made families of grains."""
+"""Angular grains from Voronoi tiles (2D), a Voronoi packing of them, and regular polygons."""
 
 from __future__ import annotations
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .base import rescaled
+from .geometry import cross_2d, deepest_point
+from .input_checks import Seed, check_at_least, check_corner_radius, check_fewest_and_most
 from .polygon_fit import from_polygon
 from .voronoi_tiles import polygon_measures, voronoi_tiles
 
 TILES_PER_BATCH = 256  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
 BARREN_BATCHES = 8  # batches without one acceptable tile after which the request counts as impossible
 CORNER_TOLERANCE = 1e-11  # of the equivalent diameter
+CORNER_STEPS = 60  # of the iteration for the corner radius, which needs 20 at most
 
 
 def random_angular_shapes(
@@ -23,22 +26,40 @@ def random_angular_shapes(
     sides: tuple[int, int] = (5, 7),
     max_aspect: float = 1.5,
 ) -> list[ArcChain]:
-    """`count` angular 2D grains: relaxed Voronoi tiles with rounded corners, equivalent diameter 1.
+    """Angular 2D grains: relaxed Voronoi tiles with rounded corners.
 
-    Tiles are kept if their number of sides lies in `sides` (both included) and their aspect
-    (`polygon_measures`) is below max_aspect. corner_radius: least radius of each grain in units of the
-    grain's own equivalent diameter, met to 1e-11. Tiles too slender to hold it are passed over. Deterministic
-    in the seed, and the first n shapes are the same whatever the count. Raises ValueError if a parameter is
-    out of range or no tile meets the request.
+    Parameters
+    ----------
+    count : int
+        Number of grains, >= 0.
+    seed : int
+        Decides the tiles, >= 0; the first n shapes of a seed are the same whatever the count.
+    corner_radius : float
+        Least radius of each grain in its own equivalent diameters, above 0 and below 0.5; met to 1e-11.
+    sides : tuple of int
+        Fewest and most sides of a tile, both included, fewest >= 3.
+    max_aspect : float
+        Tiles are kept if their aspect (`polygon_measures`) is below it; > 1.
+
+    Returns
+    -------
+    list of ArcChain
+        Shapes of equivalent diameter 1, body frame.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of range or no tile meets the request.
+
+    Notes
+    -----
+    Tiles too slender to hold the corner radius are left out.
     """
-    if count < 0:
-        raise ValueError(f"count = {count}: must be >= 0")
-    if not 0 < corner_radius < 0.5:
-        raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a disc")
-    if not 3 <= sides[0] <= sides[1]:
-        raise ValueError(f"sides = {sides}: must be (fewest, most) with 3 <= fewest <= most")
+    check_at_least("count", count, 0)
+    check_corner_radius(corner_radius)
+    check_fewest_and_most("sides", sides, 3)
     if not max_aspect > 1:
-        raise ValueError(f"max_aspect = {max_aspect}: must be above 1")
+        raise InputError(f"max_aspect = {max_aspect}: must be above 1")
     shapes: list[ArcChain] = []
     barren = batch = 0
     while len(shapes) < count:
@@ -47,72 +68,129 @@ def random_angular_shapes(
             measures = polygon_measures(tile)
             if not (sides[0] <= measures.sides <= sides[1] and measures.aspect < max_aspect):
                 continue
-            shape = _with_corner_radius(tile, corner_radius, f"angular {seed}-{len(shapes)}")
-            if shape is not None:
+            asked = corner_radius * measures.diameter
+            shape = _with_corner_radius(tile, corner_radius, asked, 1, f"angular {seed}-{len(shapes)}")
+            if shape is not None and abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
                 shapes.append(shape)
             if len(shapes) == count:
                 break
         batch += 1
         barren = barren + 1 if len(shapes) == before else 0
         if barren == BARREN_BATCHES:
-            raise ValueError(
-                f"no tile of {barren * TILES_PER_BATCH} has sides = {sides}, an aspect below "
-                f"max_aspect = {max_aspect} and room for corner_radius = {corner_radius}: widen one of them"
+            raise InputError(
+                f"sides = {sides}, max_aspect = {max_aspect}, corner_radius = {corner_radius}: none of "
+                f"{barren * TILES_PER_BATCH} tiles has so many sides, an aspect below the greatest and space for such "
+                "corners; widen one of them"
             )
     return shapes
 
 
-def _with_corner_radius(tile: NDArray, corner_radius: float, name: str) -> ArcChain | None:
-    """The fit to the tile whose least radius is corner_radius after normalisation; None if there is none.
+def _with_corner_radius(
+    polygon: NDArray, corner_radius: float, asked: float, arcs_per_corner: int, name: str
+) -> ArcChain | None:
+    """The fit to a polygon whose least radius is nearest to corner_radius after normalisation; None if none fits.
 
-    The radius c to be asked of the fit solves c = corner_radius d(c), d the equivalent diameter of the fitted
-    grain. Rounding removes an area of order c^2, so d hardly depends on c and the iteration contracts by
-    about corner_radius^2 a step.
+    The radius c to ask of the fit solves c = corner_radius d(c), d the equivalent diameter of the fitted grain; `asked`
+    is the first guess. Rounding removes an area of order c^2, so d hardly depends on c and the iteration contracts by
+    about corner_radius^2 a step. It stays off CORNER_TOLERANCE where the sides, whose radii are bounded, are too round
+    for such a corner.
     """
-    asked = corner_radius * polygon_measures(tile).diameter
-    for _ in range(50):
+    shape = None
+    for _ in range(CORNER_STEPS):
         try:
-            shape = from_polygon(tile, asked, name=name)
-        except ValueError:  # the tile is convex, so the radius exceeds its inscribed radius
+            shape = from_polygon(polygon, asked, arcs_per_corner=arcs_per_corner, name=name)
+        except InputError:  # the polygon is convex, so the radius exceeds its inscribed radius
             return None
-        if abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
-            return shape
-        asked *= corner_radius / shape.overlap_limit
-    return None
-
-
-def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: int = 1) -> ArcChain:
-    """A regular polygon with rounded corners, corner_radius in units of its equivalent diameter, to 1e-10.
-
-    Raises ValueError for fewer than 3 sides or a corner radius out of range.
-    """
-    if sides < 3:
-        raise ValueError(f"sides = {sides}: must be at least 3")
-    if not 0 < corner_radius < 0.5:
-        raise ValueError(f"corner_radius = {corner_radius}: must be above 0 and below 0.5, which is a disc")
-    angle = 2.0 * np.pi * np.arange(sides) / sides
-    corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    asked = corner_radius
-    for _ in range(60):
-        shape = from_polygon(corners, asked, arcs_per_corner=arcs_per_corner, name=f"regular polygon of {sides} sides")
         if abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
             break
         asked *= corner_radius / shape.overlap_limit
     return shape
 
 
-def voronoi_packing(count, length, seed, corner_radius, gap, arcs_per_corner=4):
-    """Random grains that fill a periodic square, one per Voronoi tile: (shapes, position (n, 2), diameter (n,)).
+def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: int = 1) -> ArcChain:
+    """A regular polygon with rounded corners.
 
-    length [L]: side of the square; corner_radius [L]: least patch radius; gap [L]: distance kept from the sides of
-    the tile. The shapes have equivalent diameter 1; diameter [L] scales them back to their tile.
-    Raises ValueError if a tile is too small for the corner radius.
+    Parameters
+    ----------
+    sides : int
+        Number of sides, >= 3.
+    corner_radius : float
+        Least radius in equivalent diameters of the grain, above 0 and below 0.5; see Notes.
+    arcs_per_corner : int
+        Number of equal arcs of each corner, >= 1.
+
+    Returns
+    -------
+    ArcChain
+        Shape of equivalent diameter 1, body frame.
+
+    Raises
+    ------
+    InputError
+        For fewer than 3 sides, a corner radius out of range or too large for the polygon, or no arc at a corner.
+
+    Notes
+    -----
+    The corner radius is met to 1e-11, but for triangles with sharp corners: their sides are arcs that turn by 6 degrees
+    with at most 10 equivalent diameters, too round for a corner radius below 0.0771. `overlap_limit` of the shape is
+    the least radius that came out.
+    """
+    check_at_least("sides", sides, 3)
+    check_corner_radius(corner_radius)
+    check_at_least("arcs_per_corner", arcs_per_corner, 1)
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    name = f"regular polygon of {sides} sides"
+    shape = _with_corner_radius(corners, corner_radius, corner_radius, arcs_per_corner, name)
+    if shape is None:
+        raise InputError(f"corner_radius = {corner_radius}: too large for a regular polygon of {sides} sides")
+    return shape
+
+
+def voronoi_packing(
+    count: int, length: float, seed: Seed, corner_radius: float, gap: float, arcs_per_corner: int = 4
+) -> tuple[list[ArcChain], NDArray, NDArray]:
+    """Random grains that fill a periodic square, one for each Voronoi tile.
+
+    Parameters
+    ----------
+    count : int
+        Number of grains, >= 4.
+    length : float
+        Side of the square, > 0, in any unit of length L.
+    seed : int or anything else that numpy.random.default_rng takes
+        Decides the tiles.
+    corner_radius : float
+        Least radius of an arc [L], > 0.
+    gap : float
+        Distance of a grain from the sides of its tile [L], >= 0.
+    arcs_per_corner : int
+        Number of equal arcs of each corner, >= 1.
+
+    Returns
+    -------
+    shapes : list of ArcChain
+        Shapes of equivalent diameter 1, body frame.
+    position : ndarray, (count, 2)
+        Centres of mass [L].
+    diameter : ndarray, (count,)
+        Equivalent diameters [L], which scale the shapes back to their tiles; they are not rotated.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range or a tile is too small for the corner radius and the gap.
     """
     import shapely
 
+    if not (np.isfinite(gap) and gap >= 0):
+        raise InputError(f"gap = {gap}: must be finite and >= 0")
     shapes, places, diameters = [], [], []
     for tile in voronoi_tiles(count, length, seed):
-        inset = np.array(shapely.Polygon(tile).buffer(-gap, join_style="mitre").exterior.coords)[:-1]
+        inner = shapely.Polygon(tile).buffer(-gap, join_style="mitre")
+        if inner.is_empty:
+            raise InputError(f"gap = {gap}: leaves nothing of a tile; must be smaller than its inscribed radius")
+        inset = shapely.get_coordinates(shapely.get_exterior_ring(inner))[:-1]
         shape, place, diameter = fitted_grain(inset, corner_radius, arcs_per_corner)
         shapes.append(shape)
         places.append(place)
@@ -120,20 +198,17 @@ def voronoi_packing(count, length, seed, corner_radius, gap, arcs_per_corner=4):
     return shapes, np.array(places), np.array(diameters)
 
 
-def fitted_grain(polygon, corner_radius, arcs_per_corner=4):
+def fitted_grain(polygon: NDArray, corner_radius: float, arcs_per_corner: int = 4) -> tuple[ArcChain, NDArray, float]:
     """Grain inside a convex polygon (k, 2) [L]: (shape of equivalent diameter 1, its place (2,) [L], diameter [L])."""
     fitted = from_polygon(polygon, corner_radius, arcs_per_corner=arcs_per_corner, normalise=False)
     diameter = float(np.sqrt(4.0 * fitted.measure / np.pi))
     return rescaled(fitted, 1.0 / diameter), _place(fitted, polygon), diameter
 
 
-def _place(shape: ArcChain, polygon) -> np.ndarray:
-    """Where the shape's centre of mass must lie for the shape to be as far as possible from all sides (2,) [L]."""
+def _place(shape: ArcChain, polygon: NDArray) -> NDArray:
+    """Centre of mass (2,) [L] for which the shape is as far as possible from all sides of the polygon."""
     side = np.roll(polygon, -1, axis=0) - polygon
-    area = 0.5 * np.sum(polygon[:, 0] * np.roll(polygon[:, 1], -1) - polygon[:, 1] * np.roll(polygon[:, 0], -1))
-    normal = np.stack([side[:, 1], -side[:, 0]], axis=1) * np.sign(area)
+    twice_area = np.sum(cross_2d(polygon, np.roll(polygon, -1, axis=0)))  # negative if it runs clockwise
+    normal = np.stack([side[:, 1], -side[:, 0]], axis=1) * np.sign(twice_area)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    free = np.sum(normal * polygon, axis=1) - shape.support(normal)
-    rows = np.column_stack([normal, np.ones(len(normal))])
-    answer = scipy.optimize.linprog([0.0, 0.0, -1.0], A_ub=rows, b_ub=free, bounds=[(None, None)] * 3, method="highs")
-    return answer.x[:2]
+    return deepest_point(normal, np.sum(normal * polygon, axis=1) - shape.support(normal))[0]

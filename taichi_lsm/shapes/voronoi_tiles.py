@@ -8,45 +8,75 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import InputError
+from .geometry import polygon_integrals
+from .input_checks import Seed, check_at_least, check_positive, number_array, random_generator
+
 SHORT_SIDE = 1e-6  # of the equivalent diameter: sides below it come from four nearly cocircular sites
 
 
 class PolygonMeasures(NamedTuple):
-    """Measures of a simple polygon, in the unit L of its vertices."""
+    """Measures of a simple polygon, in the unit L of its vertices.
 
-    sides: int  # sides longer than SHORT_SIDE equivalent diameters
-    aspect: float  # sqrt of the ratio of the principal second moments, >= 1; a/b for an a x b rectangle
-    area: float  # [L^2]
-    diameter: float  # of the disc of equal area [L]
-    centroid: NDArray  # (2,) [L]
+    Attributes
+    ----------
+    sides : int
+        Number of sides longer than 1e-6 equivalent diameters.
+    aspect : float
+        Square root of the ratio of the principal second moments, >= 1; a/b for an a x b rectangle.
+    area : float
+        Area [L^2].
+    diameter : float
+        Diameter of the disc of equal area [L].
+    centroid : ndarray, (2,)
+        Centre of mass [L].
+    """
+
+    sides: int
+    aspect: float
+    area: float
+    diameter: float
+    centroid: NDArray
 
 
 def polygon_measures(vertices: ArrayLike) -> PolygonMeasures:
-    """Measures of a counter-clockwise polygon, vertices (k, 2).
+    """Measures of a counter-clockwise polygon.
 
-    The aspect is taken from the second moments and not from a bounding rectangle: it is smooth in the
-    vertices and weighs the whole tile instead of its tips. Raises ValueError if the polygon is not one or has
-    no positive area.
+    Parameters
+    ----------
+    vertices : array_like, (k, 2)
+        Corners in order, k >= 3, in any unit of length L.
+
+    Returns
+    -------
+    PolygonMeasures
+        Sides, aspect, area, equivalent diameter and centroid, in that unit.
+
+    Raises
+    ------
+    InputError
+        If the polygon is not one or has no positive area.
+
+    Notes
+    -----
+    The aspect is taken from the second moments and not from a bounding rectangle: it is smooth in the vertices and
+    weighs the whole tile instead of its tips.
     """
-    points = np.asarray(vertices, dtype=np.float64)
+    points = number_array("vertices", vertices)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3 or not np.all(np.isfinite(points)):
-        raise ValueError(f"vertices has shape {points.shape}: must be (k, 2) with k >= 3, all finite")
-    origin = points.mean(axis=0)  # far from the origin the products below would cancel
+        raise InputError(f"vertices has shape {points.shape}: must be (k, 2) with k >= 3, all finite")
+    origin = points.mean(axis=0)  # far from the origin the products of the integrals would cancel
     a = points - origin
-    b = np.roll(a, -1, axis=0)
-    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    area = 0.5 * cross.sum()
+    twice_area, six_first, second_24 = polygon_integrals(a)
+    area = 0.5 * twice_area
     if area <= 0:
-        raise ValueError(f"vertices enclose the area {area}: must be > 0, vertices counter-clockwise")
-    offset = ((a + b) * cross[:, None]).sum(axis=0) / (6 * area)
-    # integral of x x^T over the triangle (0, a, b) is cross/24 times the sum below
-    outer = np.einsum("ki,kj->kij", a, a) + np.einsum("ki,kj->kij", b, b)
-    outer += np.einsum("ki,kj->kij", a + b, a + b)
-    second = np.einsum("k,kij->ij", cross, outer) / 24 - area * np.outer(offset, offset)
+        raise InputError(f"vertices enclose the area {area}: must be > 0, vertices counter-clockwise")
+    offset = six_first / (6 * area)
+    second = second_24 / 24 - area * np.outer(offset, offset)
     least, greatest = np.linalg.eigvalsh(second)
     diameter = np.sqrt(4 * area / np.pi)
     return PolygonMeasures(
-        sides=int(np.sum(np.linalg.norm(b - a, axis=1) > SHORT_SIDE * diameter)),
+        sides=int(np.sum(np.linalg.norm(np.roll(a, -1, axis=0) - a, axis=1) > SHORT_SIDE * diameter)),
         aspect=float(np.sqrt(greatest / least)),
         area=float(area),
         diameter=float(diameter),
@@ -54,22 +84,39 @@ def polygon_measures(vertices: ArrayLike) -> PolygonMeasures:
     )
 
 
-def voronoi_tiles(count: int, length: float, seed, relaxations: int = 3) -> list[NDArray]:
-    """Voronoi tiles of `count` random sites in a square of side `length`, periodic in both directions.
+def voronoi_tiles(count: int, length: float, seed: Seed, relaxations: int = 3) -> list[NDArray]:
+    """Voronoi tiles of random sites in a square that is periodic in both directions.
 
-    seed: anything numpy.random.default_rng takes. relaxations: Lloyd steps, which move each site to the
-    centroid of its tile and make the tiles rounder. Returns `count` convex polygons (k, 2),
-    counter-clockwise, in the unit of length; tiles that cross the border are whole, and the areas sum to
-    length^2.
-    Raises ValueError for count < 4, length <= 0 or relaxations < 0.
+    Parameters
+    ----------
+    count : int
+        Number of sites and tiles, >= 4.
+    length : float
+        Side of the square, > 0, in any unit of length L.
+    seed : int or anything else that numpy.random.default_rng takes
+        Decides the sites.
+    relaxations : int
+        Lloyd steps >= 0, which move each site to the centroid of its tile and make the tiles rounder.
+
+    Returns
+    -------
+    list of ndarray, (k, 2)
+        One convex polygon for each site, counter-clockwise [L]; tiles that cross the border are whole, and the areas
+        sum to length^2.
+
+    Raises
+    ------
+    InputError
+        For count < 4, length <= 0, relaxations < 0 or a seed that is none.
+
+    References
+    ----------
+    Lloyd (1982), IEEE Trans. Inf. Theory 28, 129-137.
     """
-    if count < 4:
-        raise ValueError(f"count = {count}: must be at least 4, or a tile could touch itself across the border")
-    if not (np.isfinite(length) and length > 0):
-        raise ValueError(f"length = {length}: must be finite and > 0")
-    if relaxations < 0:
-        raise ValueError(f"relaxations = {relaxations}: must be >= 0")
-    sites = np.random.default_rng(seed).random((count, 2))
+    check_at_least("count", count, 4, ", or a tile could touch itself across the border")
+    check_positive("length", length)
+    check_at_least("relaxations", relaxations, 0)
+    sites = random_generator(seed).random((count, 2))
     tiles = _unit_tiles(sites)
     for _ in range(relaxations):
         sites = np.array([polygon_measures(tile).centroid for tile in tiles]) % 1.0

@@ -50,7 +50,7 @@ def momenta(sim):
 SHAPES = {
     "chains": (2, lambda: lsm.random_angular_shapes(4, 2)),
     "polyhedra": (3, lambda: [*lsm.random_angular_polyhedra(3, 2), lsm.sphere(), lsm.ellipsoid((1, 1.5, 2), 20)]),
-    "union": (2, lambda: [lsm.cross(), *lsm.random_angular_shapes(2, 2)]),
+    "union": (2, lambda: [lsm.crossed_bars(), *lsm.random_angular_shapes(2, 2)]),
 }
 
 

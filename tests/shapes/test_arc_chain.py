@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes import disc, regular_disc_of_arcs, sphere
 
 
@@ -58,9 +59,9 @@ def test_scaled_outline_turns_counter_clockwise_then_moves():
 
 
 def test_outline_refuses_spheres_and_too_few_points():
-    with pytest.raises(ValueError, match="dim = 3"):
+    with pytest.raises(InputError, match="dim = 3"):
         sphere().outline()
-    with pytest.raises(ValueError, match="points = 2"):
+    with pytest.raises(InputError, match="points = 2"):
         disc().outline(points=2)
 
 
@@ -72,7 +73,7 @@ REFUSED = [
     (disc(), {"measure": np.nan}, "measure = nan"),
     (disc(), {"lever": -1.0}, "lever = -1"),
     (disc(), {"lever": 0.6}, "lever = 0.6"),
-    (disc(), {"overlap_limit": 0.6}, "cap_radius = 0.6"),
+    (disc(), {"overlap_limit": 0.6}, "overlap_limit = 0.6"),
     (disc(), {"radius": [-0.5]}, "radius"),
     (disc(), {"radius": []}, "radius"),
     (disc(), {"radius": [np.inf]}, "radius"),
@@ -90,7 +91,7 @@ REFUSED = [
 ]
 
 
-@pytest.mark.parametrize("shape, change, message", REFUSED)
+@pytest.mark.parametrize(("shape", "change", "message"), REFUSED)
 def test_refuses_what_is_not_a_shape(shape, change, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(InputError, match=message):
         replace(shape, **change)

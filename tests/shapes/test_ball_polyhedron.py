@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from taichi_lsm.shapes import ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
-from taichi_lsm.shapes.ball_cells import cell_of_balls, spread
-from taichi_lsm.shapes.mass_properties import mass_of
+from taichi_lsm.shapes import ball_of_faces, tangent_ball_polyhedron
+from taichi_lsm.shapes.geometry import even_directions
 
 RNG = np.random.default_rng(1)
 
@@ -14,7 +13,7 @@ RNG = np.random.default_rng(1)
 def stone(faces=20, seed=2):
     n = np.random.default_rng(seed).normal(size=(faces, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    spaced = spread(faces)
+    spaced = even_directions(faces)
     n = spaced + 0.2 * n
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     return tangent_ball_polyhedron(n * [1.0, 0.8, 0.7] / 2, n, 0.05, name="stone")
@@ -47,8 +46,8 @@ def test_every_bound_is_the_exact_negation_of_its_twin(shape):
     owner = np.repeat(np.arange(len(shape.feature_radius)), np.diff(shape.first_bound))
     rows = {(f, *a, b) for f, a, b in zip(shape.bound_next, -shape.bound, -shape.bound_offset)}
     mine = {(f, *a, b) for f, a, b in zip(owner, shape.bound, shape.bound_offset)}
-    alone = mine - rows  # guards of faces against false normals on the far side have no twin
-    assert len(alone) <= shape.face_count // 4 and all(f < shape.face_count for f, *_ in alone)
+    single = mine - rows  # guards of faces against false normals on the far side have no twin
+    assert len(single) <= shape.face_count // 4 and all(f < shape.face_count for f, *_ in single)
 
 
 def test_support_points_lie_on_the_surface_and_are_the_gradient_of_the_support_function(shape):
@@ -83,21 +82,6 @@ def test_volume_centre_and_moments_are_those_of_a_fine_mesh(shape):
     assert shape.measure == pytest.approx(np.pi / 6, rel=1e-12)
 
 
-def test_lens_and_ball_in_closed_form():
-    lens = cell_of_balls(np.array([[0, 0, 0.3], [0, 0, -0.3]]), np.ones(2))
-    exact = 2 * np.pi * 0.7**2 * (3 - 0.7) / 3
-    volume, centre, _ = mass_of(lens, 1e-12)
-    assert volume == pytest.approx(exact, rel=1e-10) and np.abs(centre).max() < 1e-12
-    areas = [(mass_of(lens, r)[0] - mass_of(lens, 1e-12)[0]) / r for r in (1e-4, 1e-5)]
-    area = 2 * 2 * np.pi * 0.7
-    assert (10 * areas[1] - areas[0]) / 9 == pytest.approx(area, rel=1e-6)
-    ball = ball_of_faces(1)
-    assert (ball.patch_count, ball.overlap_limit, ball.bounding_radius, ball.lever) == pytest.approx(
-        (1, 0.5, 0.5, 0), abs=1e-9
-    )
-    assert ball.inertia == pytest.approx(np.full(3, np.pi / 60), rel=1e-12)
-
-
 def test_the_bounding_radius_and_the_lever_hold_and_are_met(shape):
     n = directions()
     x = shape.support_points(n)
@@ -115,17 +99,3 @@ def test_patches_hold_their_normals(shape):
     inside = np.sum(n * axis[np.minimum(row, len(axis) - 1)], axis=1)[spherical]
     assert np.all(inside >= np.cos(angle[row[spherical]]) - 1e-6)
     assert len(centre) == len(radius) == shape.patch_count
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([[0, 0, 0]], [1.0], -0.1), "dilation"),
-        (([[0, 0, 0], [3, 0, 0]], [1.0, 1.0], 0.1), "does not meet"),
-        (([[0, 0, 0]], [1.0, 2.0], 0.1), "shapes"),
-        (([[0, 0, np.nan]], [1.0], 0.1), "finite"),
-    ],
-)
-def test_wrong_balls_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        ball_polyhedron(*arguments)

@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes import polyhedra
 from taichi_lsm.shapes.laguerre_tiles import Tile, grain_in_tile, laguerre_packing, laguerre_tiles, without_corners
 
@@ -90,30 +91,30 @@ def test_one_site_owns_the_whole_cube():
 
 
 @pytest.mark.parametrize(
-    "field, value",
+    ("field", "value"),
     [("count", 0), ("length", 0.0), ("length", np.inf), ("relaxations", -1), ("radii", [1.0, -1.0]), ("radii", [1.0])],
 )
 def test_tiles_refuse_what_is_out_of_range(field, value):
-    with pytest.raises(ValueError, match=f"{field} = "):
+    with pytest.raises(InputError, match=f"{field} = "):
         laguerre_tiles(**{"count": 2, "length": 1.0, "seed": 1, field: value})
 
 
 def test_a_ball_that_swallows_others_is_named_as_the_cause():
-    with pytest.raises(ValueError, match="radii: sites .* get no tile"):
+    with pytest.raises(InputError, match=r"radii: sites .* get no tile"):
         laguerre_tiles(24, LENGTH, 7, radii=np.where(np.arange(24) == 0, 2.5, 0.0))
 
 
 def excess(shape, centre, frame, tile, gap, diameter=1.0):
-    """How far a placed grain sticks out of the planes drawn in by the gap; negative if there is room."""
+    """How far a grain at its position sticks out of the planes drawn in by the gap; negative if it has space."""
     reach = diameter * shape.support(tile.normals @ frame) + tile.normals @ (centre - tile.site)
     return (reach - (tile.distances - gap)).max()
 
 
 @pytest.mark.parametrize("radii", [None, np.linspace(0.4, 0.7, 8)], ids=["voronoi", "laguerre"])
 def test_every_grain_keeps_the_gap_inside_its_tile(radii):
-    shapes, places, diameters, turns = laguerre_packing(8, 2.0, 5, 0.06, 0.02, radii=radii)
+    shapes, positions, diameters, orientations = laguerre_packing(8, 2.0, 5, 0.06, 0.02, radii=radii)
     tiles = laguerre_tiles(8, 2.0, 5, radii=radii)
-    for shape, x, d, q, tile in zip(shapes, places, diameters, turns, tiles, strict=True):
+    for shape, x, d, q, tile in zip(shapes, positions, diameters, orientations, tiles, strict=True):
         frame = Rotation.from_quat(q, scalar_first=True).as_matrix()
         assert excess(shape, x, frame, tile, 0.02, d) < 1e-9
         assert shape.measure == pytest.approx(np.pi / 6, rel=1e-12)
@@ -128,13 +129,13 @@ def test_a_plane_too_small_for_a_face_of_its_own_is_kept_all_the_same(monkeypatc
     distances = np.concatenate([np.full(6, 0.5), [np.sqrt(0.75) - 0.12]])
     tile = Tile(np.array([5.0, 6.0, 7.0]), normals, distances, np.zeros(7, int), np.zeros((0, 3)), 1.0)
     fits = []
-    original = MODULE.placed_from_planes
+    original = MODULE.from_planes_and_frame
 
     def recorded(*args, **options):
         fits.append(original(*args, **options))
         return fits[-1]
 
-    monkeypatch.setattr(MODULE, "placed_from_planes", recorded)
+    monkeypatch.setattr(MODULE, "from_planes_and_frame", recorded)
     shape, centre, frame = grain_in_tile(tile, 0.02, 0.01)
     assert fits[0][0].face_count == 6
     assert excess(fits[0][0], tile.site + fits[0][1], fits[0][2], tile, 0.01) > 1e-3
@@ -146,15 +147,15 @@ def test_a_plane_too_small_for_a_face_of_its_own_is_kept_all_the_same(monkeypatc
 def test_a_grain_that_never_fits_is_refused(monkeypatch):
     tile = laguerre_tiles(1, 2.0, 0)[0]
     big = SimpleNamespace(support=lambda n: np.full(len(n), 1.5), bounding_radius=1.5)
-    monkeypatch.setattr(MODULE, "placed_from_planes", lambda *args, **options: (big, np.zeros(3), np.eye(3)))
-    with pytest.raises(ValueError, match="sticks out"):
+    monkeypatch.setattr(MODULE, "from_planes_and_frame", lambda *args, **options: (big, np.zeros(3), np.eye(3)))
+    with pytest.raises(InputError, match="sticks out"):
         grain_in_tile(tile, 0.1, 0.0)
 
 
-def test_paving_refuses_what_does_not_fit():
-    with pytest.raises(ValueError, match="tile 0.*corner_radius = 0.9"):
+def test_a_packing_refuses_what_does_not_fit():
+    with pytest.raises(InputError, match=r"tile 0.*corner_radius = 0.9"):
         laguerre_packing(8, 2.0, 5, 0.9, 0.0)
-    with pytest.raises(ValueError, match="gap = -0.1"):
+    with pytest.raises(InputError, match=r"gap = -0.1"):
         laguerre_packing(8, 2.0, 5, 0.05, -0.1)
 
 
@@ -166,5 +167,30 @@ def test_cut_corners_add_faces_and_stay_inside(tiling):
     assert beyond.max() < 1e-9 * LENGTH
     reach, whole = (np.linalg.norm(t.vertices - tile.site, axis=1).max() for t in (cut, tile))
     assert reach < whole
-    with pytest.raises(ValueError, match="chamfers = -1"):
+    with pytest.raises(InputError, match="chamfers = -1"):
         without_corners(tile, -1)
+
+
+def test_tiles_of_a_volume_hold_their_grains_apart():
+    shapes, position, diameter, orientation = laguerre_packing(12, 2.0, 3, 0.06, 0.02)
+    n = np.random.default_rng(0).normal(size=(400, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    frames = [Rotation.from_quat(q, scalar_first=True).as_matrix() for q in orientation]
+    gaps = []
+    for k in range(12):
+        for l in range(k + 1, 12):
+            d = position[l] - position[k]
+            d -= 2.0 * np.round(d / 2.0)
+            near, width = n, 0.3
+            for _ in range(8):  # the direction that separates the two best
+                h = diameter[k] * shapes[k].support(near @ frames[k]) + diameter[l] * shapes[l].support(
+                    -near @ frames[l]
+                )
+                best = near[np.argmax(near @ d - h)]
+                gap = (near @ d - h).max()
+                near = np.concatenate([best[None], best + width * n[:150]])
+                near /= np.linalg.norm(near, axis=1, keepdims=True)
+                width *= 0.4
+            gaps.append(gap)
+    assert min(gaps) > 0.0
+    assert 0.6 < (np.pi / 6 * diameter**3).sum() / 8.0 < 1.0

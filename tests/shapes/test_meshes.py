@@ -1,13 +1,14 @@
-"""Grains from meshes: what the misfit says is true, and the unit, place and turn of a mesh do not matter."""
+"""Grains from meshes: what the misfit says is true, and unit, position and orientation of a mesh do not matter."""
 
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes import from_mesh
 
-TURN = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
+ROTATION = Rotation.from_rotvec([0.3, -0.8, 0.5]).as_matrix()
 
 
 def stone():
@@ -19,10 +20,10 @@ def stone():
 
 
 def moved(mesh, factor, shift):
-    return trimesh.Trimesh(factor * mesh.vertices @ TURN.T + shift, mesh.faces)
+    return trimesh.Trimesh(factor * mesh.vertices @ ROTATION.T + shift, mesh.faces)
 
 
-def test_unit_place_and_turn_of_a_mesh_do_not_matter():
+def test_unit_position_and_orientation_of_a_mesh_do_not_matter():
     mesh = stone()
     shape, misfit = from_mesh(mesh, 60, 0.05)
     other, again = from_mesh(moved(mesh, 1e-3, [5.0, -2.0, 1.0]), 60, 0.05)
@@ -71,7 +72,7 @@ def test_the_hull_of_a_body_that_is_not_convex_must_be_asked_for_and_its_misfit_
     walls = [t for i in range(6) for t in ((i, (i + 1) % 6, 6 + i), ((i + 1) % 6, 6 + (i + 1) % 6, 6 + i))]
     bent = trimesh.Trimesh(ends, [*caps, *[(6 + a, 6 + c, 6 + b) for a, b, c in caps], *walls])
     assert bent.volume == pytest.approx(3.0)
-    with pytest.raises(ValueError, match="not convex.*16.7 %.*hull=True"):
+    with pytest.raises(InputError, match=r"not convex.*16.7 %.*hull=True"):
         from_mesh(bent)
     _, misfit = from_mesh(bent, hull=True)
     assert misfit.volume == pytest.approx(1 / 6, abs=0.03)
@@ -80,13 +81,61 @@ def test_the_hull_of_a_body_that_is_not_convex_must_be_asked_for_and_its_misfit_
 def test_an_empty_file_and_too_few_triangles_are_refused(tmp_path):
     empty = tmp_path / "empty.ply"
     empty.write_bytes(b"")
-    with pytest.raises(ValueError, match="empty.ply"):
+    with pytest.raises(InputError, match=r"empty.ply"):
         from_mesh(empty)
-    with pytest.raises(ValueError, match="3 triangles, must be at least 4"):
+    with pytest.raises(InputError, match="3 triangles, must be at least 4"):
         from_mesh(trimesh.Trimesh(np.eye(4, 3), [(0, 1, 2), (0, 1, 3), (0, 2, 3)]))
     for faces in (3, 301):
-        with pytest.raises(ValueError, match=f"faces = {faces}"):
+        with pytest.raises(InputError, match=f"faces = {faces}"):
             from_mesh(trimesh.creation.box(), faces)
     for corner_radius in (0.0, 0.3, np.nan):
-        with pytest.raises(ValueError, match="corner_radius = "):
+        with pytest.raises(InputError, match="corner_radius = "):
             from_mesh(trimesh.creation.box(), corner_radius=corner_radius)
+
+
+def bodies():
+    rng = np.random.default_rng(5)
+    p = rng.normal(size=(40, 3))
+    p /= np.linalg.norm(p, axis=1, keepdims=True)
+    return {
+        "sphere": trimesh.creation.icosphere(subdivisions=3),
+        "cube": trimesh.creation.box(),
+        "stone": trimesh.convex.convex_hull(p * [1.0, 0.8, 0.6]),
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("sphere", "stl"), ("cube", "stl"), ("stone", "stl"), ("cube", "ply"), ("cube", "obj")]
+)
+def test_a_mesh_comes_back_as_a_grain_of_its_volume(tmp_path, name, kind):
+    path = tmp_path / f"body.{kind}"
+    bodies()[name].export(path)
+    shape, misfit = from_mesh(path, 60)
+    assert abs(misfit.volume) < 0.01 and misfit.inertia < 0.01
+    assert misfit.rms_distance <= misfit.greatest_distance < 0.03
+    assert shape.face_count == {"sphere": 60, "cube": 6, "stone": shape.face_count}[name] <= 60
+
+
+def test_bad_meshes_get_a_clear_answer(tmp_path):
+    with pytest.raises(InputError, match="mesh = 3: must be a file"):
+        from_mesh(3)
+    box = trimesh.creation.box()
+    holed = trimesh.Trimesh(box.vertices, box.faces[:-1])
+    flat = trimesh.Trimesh(box.vertices * [1, 1, 0], box.faces, process=False)
+    broken = trimesh.Trimesh(np.where(box.vertices > 0, np.nan, box.vertices), box.faces, process=False)
+    ring = trimesh.creation.torus(1.0, 0.3)
+    many = trimesh.Trimesh(box.vertices, np.tile(box.faces, (90_000, 1)), process=False)
+    for mesh, words in (
+        (holed, "holes"),
+        (flat, "holes|volume"),
+        (broken, "finite|triangles"),
+        (ring, "not convex"),
+        (many, "1080000 triangles"),
+        (tmp_path / "none.stl", "no such file"),
+    ):
+        with pytest.raises(InputError, match=words):
+            from_mesh(mesh)
+    text = tmp_path / "text.stl"
+    text.write_text("no mesh at all")
+    with pytest.raises(InputError, match=r"text.stl"):
+        from_mesh(text)

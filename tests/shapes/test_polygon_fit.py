@@ -8,6 +8,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 from shapely import Polygon
 
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes import arc_chain, from_polygon, regular_disc_of_arcs
 
 SQUARE = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
@@ -53,11 +54,11 @@ def support(shape, normal):
 
 
 def excess_over(polygon, shape):
-    """How far the shape sticks out of the polygon where it fits best; negative if there is room to spare."""
+    """How far the shape sticks out of the polygon where it fits best; negative if there is space to spare."""
     normal, distance = half_planes(polygon)
     rows = np.column_stack([normal, -np.ones(len(normal))])
-    room = distance - support(shape, normal)
-    return linprog([0, 0, 1], A_ub=rows, b_ub=room, bounds=(None, None)).x[2]
+    free = distance - support(shape, normal)
+    return linprog([0, 0, 1], A_ub=rows, b_ub=free, bounds=(None, None)).x[2]
 
 
 def assert_closed_g1(shape):
@@ -87,11 +88,11 @@ def test_disc_of_arcs(n):
         assert_normals_tile_the_circle(shape)
 
 
-@pytest.mark.parametrize("small, large, half_turn", [(0.3, 2.0, 1.2), (0.01, 50.0, 1.55), (1.0, 1.5, 0.2)])
-def test_oval_of_four_arcs_against_the_steiner_formula(small, large, half_turn):
+@pytest.mark.parametrize(("small", "large", "half_angle"), [(0.3, 2.0, 1.2), (0.01, 50.0, 1.55), (1.0, 1.5, 0.2)])
+def test_oval_of_four_arcs_against_the_steiner_formula(small, large, half_angle):
     """The oval is a lens of radii large - small widened by r = small: area = A_lens + P_lens r + pi r^2."""
-    blunt = np.pi / 2 - half_turn
-    breaks = [-half_turn, half_turn, half_turn + 2 * blunt, np.pi + half_turn]
+    blunt = np.pi / 2 - half_angle
+    breaks = [-half_angle, half_angle, half_angle + 2 * blunt, np.pi + half_angle]
     shape = arc_chain(breaks, [small, large, small, large], normalise=False)
     core = large - small
     lens = core**2 * (2 * blunt - np.sin(2 * blunt))
@@ -182,23 +183,23 @@ def test_normalising_only_rescales():
     assert raw.overlap_limit == pytest.approx(0.5, rel=1e-12)
 
 
-def test_arc_chain_refusals():
+def test_open_chains_and_wrong_angles_are_refused():
     third = 2 * np.pi / 3 * np.arange(3)
-    with pytest.raises(ValueError, match="open by"):
+    with pytest.raises(InputError, match="open by"):
         arc_chain(third, [1.0, 1.0, 1.1])
-    with pytest.raises(ValueError, match="less than pi"):
+    with pytest.raises(InputError, match="less than pi"):
         arc_chain([0.0, 1.0, 2.0], np.ones(3))
-    with pytest.raises(ValueError, match="more than 0"):
+    with pytest.raises(InputError, match="more than 0"):
         arc_chain(third[::-1], np.ones(3))
-    with pytest.raises(ValueError, match="n >= 3"):
+    with pytest.raises(InputError, match="n >= 3"):
         arc_chain([0.0, np.pi], [1.0, 1.0])
-    with pytest.raises(ValueError, match="n >= 3"):
+    with pytest.raises(InputError, match="n >= 3"):
         arc_chain(third, np.ones(4))
-    with pytest.raises(ValueError, match="breaks = "):
+    with pytest.raises(InputError, match="breaks = "):
         arc_chain([0.0, 2.0, np.nan], np.ones(3))
-    with pytest.raises(ValueError, match="radii = "):
+    with pytest.raises(InputError, match="radii = "):
         arc_chain(third, [1.0, 0.0, 1.0])
-    with pytest.raises(ValueError, match="n = 2"):
+    with pytest.raises(InputError, match="n = 2"):
         regular_disc_of_arcs(2)
 
 
@@ -237,15 +238,15 @@ def test_narrow_side_arcs_approach_the_rounded_square():
 @settings(max_examples=60, deadline=None, derandomize=True)
 def test_any_convex_polygon(seed, points, share, arcs):
     polygon = random_polygon(seed, points)
-    room = inscribed_radius(polygon)
-    if room < 0.02 * np.sqrt(Polygon(polygon).area):
+    inscribed = inscribed_radius(polygon)
+    if inscribed < 0.02 * np.sqrt(Polygon(polygon).area):
         return  # slivers are covered by the refusals
-    shape = from_polygon(polygon, share * room, arcs_per_corner=arcs, normalise=False)
+    shape = from_polygon(polygon, share * inscribed, arcs_per_corner=arcs, normalise=False)
     assert shape.patch_count == len(polygon) * (1 + arcs)
     assert_closed_g1(shape)
     assert_normals_tile_the_circle(shape)
     size = np.sqrt(4 / np.pi * Polygon(polygon).area)
-    assert share * room * (1 - 1e-9) <= shape.overlap_limit and shape.radius.max() <= 10 * size * (1 + 1e-9)
+    assert share * inscribed * (1 - 1e-9) <= shape.overlap_limit and shape.radius.max() <= 10 * size * (1 + 1e-9)
     outline = Polygon(shape.outline(500))
     assert outline.convex_hull.area == pytest.approx(outline.area, rel=1e-9)
     # inside the polygon after some shift, and touching it: the least greatest excess over the sides is zero
@@ -310,28 +311,28 @@ def test_largest_radius_is_a_bound():
 def test_largest_corner_radius_gives_the_inscribed_disc():
     shape = from_polygon(SQUARE, 0.5, normalise=False)
     assert shape.radius == pytest.approx(0.5, rel=1e-9)
-    with pytest.raises(ValueError, match=r"corner_radius = 0.51: .* at most 0.5 fits"):
+    with pytest.raises(InputError, match=r"corner_radius = 0.51: .* at most 0.5 fits"):
         from_polygon(SQUARE, 0.51)
-    with pytest.raises(ValueError, match=r"at most 50 fits"):
+    with pytest.raises(InputError, match=r"at most 50 fits"):
         from_polygon(100 * SQUARE, 51)
 
 
-def test_from_polygon_refusals():
+def test_polygons_that_are_not_convex_and_wrong_parameters_are_refused():
     arrow = [(0, 0), (2, 0), (0.5, 0.5), (0, 2)]
     star = regular_polygon(5)[[0, 2, 4, 1, 3]]
     for vertices in (arrow, star):
-        with pytest.raises(ValueError, match="convex"):
+        with pytest.raises(InputError, match="convex"):
             from_polygon(vertices, 0.01)
-    with pytest.raises(ValueError, match="area 0"):
+    with pytest.raises(InputError, match="area 0"):
         from_polygon([(0, 0), (1, 1), (2, 2)], 0.01)
-    with pytest.raises(ValueError, match="k >= 3"):
+    with pytest.raises(InputError, match="k >= 3"):
         from_polygon([(0, 0), (1, 1)], 0.01)
     for corner_radius in (0.0, -1.0, np.nan):
-        with pytest.raises(ValueError, match="corner_radius = "):
+        with pytest.raises(InputError, match="corner_radius = "):
             from_polygon(SQUARE, corner_radius)
-    with pytest.raises(ValueError, match="side_half_width = 2"):
+    with pytest.raises(InputError, match="side_half_width = 2"):
         from_polygon(SQUARE, 0.1, 2.0)
-    with pytest.raises(ValueError, match="arcs_per_corner = 0"):
+    with pytest.raises(InputError, match="arcs_per_corner = 0"):
         from_polygon(SQUARE, 0.1, arcs_per_corner=0)
-    with pytest.raises(ValueError, match="largest_radius = 0.01"):
+    with pytest.raises(InputError, match=r"largest_radius = 0.01"):
         from_polygon(SQUARE, 0.1, largest_radius=0.01)

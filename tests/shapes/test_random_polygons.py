@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes.ellipses import unit_normals
 from taichi_lsm.shapes.random_polygons import tangent_arcs
 
@@ -67,10 +68,10 @@ def test_shapes_of_a_seed_do_not_depend_on_the_count():
     ],
 )
 def test_what_is_out_of_range_is_refused(field, value):
-    with pytest.raises(ValueError, match=field):
+    with pytest.raises(InputError, match=field):
         lsm.random_polygons(**{"count": 1, "seed": 1, field: value})
 
 
 def test_no_grain_is_an_error():
-    with pytest.raises(ValueError, match="no grain in 20 draws"):
+    with pytest.raises(InputError, match="no grain in 20 draws"):
         lsm.random_polygons(1, 1, corner_radius=0.45, elongation=4.0)

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from shapely import Polygon, affinity, unary_union
 
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes import polygon_measures, voronoi_tiles
 
 
-@pytest.mark.parametrize("count, relaxations", [(4, 0), (60, 0), (60, 3)])
+@pytest.mark.parametrize(("count", "relaxations"), [(4, 0), (60, 0), (60, 3)])
 def test_tiles_fill_the_periodic_square_once(count, relaxations):
     length = 3.0
     tiles = [Polygon(tile) for tile in voronoi_tiles(count, length, seed=1, relaxations=relaxations)]
@@ -18,7 +19,7 @@ def test_tiles_fill_the_periodic_square_once(count, relaxations):
     shifts = [(length * i, length * j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
     copies = [affinity.translate(tile, *shift) for tile in tiles for shift in shifts]
     square = Polygon([(0, 0), (length, 0), (length, length), (0, length)])
-    # covering the square with tiles of the square's own area leaves no room for an overlap
+    # covering the square with tiles of the square's own area leaves no space for an overlap
     assert unary_union(copies).buffer(1e-9).contains(square)
 
 
@@ -76,14 +77,14 @@ def test_sides_of_no_length_do_not_count():
     assert polygon_measures([*square, (0, 1e-3)]).sides == 5
 
 
-def test_refusals():
-    with pytest.raises(ValueError, match="counter-clockwise"):
+def test_what_is_out_of_range_is_refused():
+    with pytest.raises(InputError, match="counter-clockwise"):
         polygon_measures([(0, 0), (0, 1), (1, 0)])
-    with pytest.raises(ValueError, match="k >= 3"):
+    with pytest.raises(InputError, match="k >= 3"):
         polygon_measures([(0, 0), (0, 1)])
-    with pytest.raises(ValueError, match="count = 3"):
+    with pytest.raises(InputError, match="count = 3"):
         voronoi_tiles(3, 1.0, 0)
-    with pytest.raises(ValueError, match="length = -1"):
+    with pytest.raises(InputError, match="length = -1"):
         voronoi_tiles(10, -1.0, 0)
-    with pytest.raises(ValueError, match="relaxations = -1"):
+    with pytest.raises(InputError, match="relaxations = -1"):
         voronoi_tiles(10, 1.0, 0, relaxations=-1)

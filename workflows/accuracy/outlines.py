@@ -114,7 +114,7 @@ def measure_impacts(params):
 def star(bars):
     """A grain of `bars` rounded bars through one centre."""
     bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
-    return lsm.union([lsm.placed(bar, (0.0, 0.0), i * np.pi / bars) for i in range(bars)])
+    return lsm.union([lsm.place_part(bar, (0.0, 0.0), i * np.pi / bars) for i in range(bars)])
 
 
 def hull_error(bars):

@@ -116,7 +116,7 @@ def flakes(bench):
 
 def cross_pair(angles, **more):
     """A cross and a square, or two crosses, as an impact."""
-    return impact((lsm.cross(), more.pop("other", lsm.cross())), angles, **more)
+    return impact((lsm.crossed_bars(), more.pop("other", lsm.crossed_bars())), angles, **more)
 
 
 @hard("Corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
@@ -129,7 +129,7 @@ def into_a_notch(bench):
 
 def locked_crosses():
     """Two crosses with an arm each in a notch of the other, 2 cm apart, moving against each other."""
-    cross = lsm.cross()
+    cross = lsm.crossed_bars()
     half = float(rotated_outline(cross, 0.0)[:, 0].max())
     width = 2.0 * half / 3.0  # of a bar: a third of its length
     offset = half + 0.5 * width + 0.02, width + 0.02
@@ -207,7 +207,7 @@ def sizes_of_grains(bench):
 def stars():
     """16 grains of two bars crossed at a right angle, as close as their bounding circles let them, at random motion."""
     bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
-    star = lsm.union([lsm.placed(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
+    star = lsm.union([lsm.place_part(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
     rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(16), 4), axis=1)
     motion = {"velocity": rng.normal(0.0, 1.0, (16, 2)), "angular_velocity": rng.normal(0.0, 1.0, (16, 1))}
