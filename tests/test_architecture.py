@@ -31,7 +31,7 @@ LIBRARY = [module for module in MODULES if module.startswith("taichi_lsm")]
 
 
 def without_type_checking(tree):
-    """The module without its `if TYPE_CHECKING:` block, which never runs."""
+    """The module without its `if TYPE_CHECKING:` blocks, which never run."""
     tree.body = [
         node
         for node in tree.body
@@ -41,7 +41,7 @@ def without_type_checking(tree):
 
 
 def imports(path, module):
-    """Dotted names of the modules that a file imports at any place but for type checkers, relative ones resolved."""
+    """Dotted names of the modules that a file imports at any place when it runs, relative imports resolved."""
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(without_type_checking(ast.parse(path.read_text(encoding="utf-8")))):
         if isinstance(node, ast.Import):
