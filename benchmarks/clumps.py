@@ -139,7 +139,7 @@ def build(clumps: Clumps, faces: Faces, extras: bool = False, parallel: bool | N
     state = scenes.State(clumps.tag, faces.position, diameters(clumps) * faces.factor, clumps.kind, clumps.box)
     return replace(
         scenes.build(state, extras, parallel),
-        shapes=[lsm.ball_of_faces(FACES, scenes.DILATION)],
+        shapes=[lsm.shapes.ball_of_faces(FACES, scenes.DILATION)],
         orientation=faces.orientation,
         density=float(clumps.mass.sum() / state.mass.sum()),
     )

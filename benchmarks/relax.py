@@ -6,6 +6,8 @@ that LAMMPS finds at its walls after the warm-up. Then the factor is corrected u
 without contact history, does so after the same warm-up. Needs LAMMPS; takes a few minutes.
 """
 
+from __future__ import annotations
+
 import argparse
 
 import numpy as np
@@ -22,7 +24,7 @@ TOLERANCE = 0.03  # of the normal stress; the comparison asks for 0.1
 CORRECTIONS = 12
 
 
-def first_factor(state: clumps.Clumps, shape: lsm.BallPolyhedron) -> float:
+def first_factor(state: clumps.Clumps, shape: lsm.shapes.BallPolyhedron) -> float:
     """Largest factor of the sizes at which no two bounding spheres overlap by more than half of the overlap limit."""
     d = clumps.diameters(state)
     # Least distance of two grains of diameter 1: the bounding radii less half of both overlap limits.
@@ -48,7 +50,7 @@ def resize(sim: lsm.Simulation, ratio: float) -> None:
 
 def grow(state: clumps.Clumps, target: float) -> clumps.Faces:
     """Grains of the first state whose middle carries the normal stress `target`."""
-    shape = lsm.ball_of_faces(clumps.FACES, scenes.DILATION)
+    shape = lsm.shapes.ball_of_faces(clumps.FACES, scenes.DILATION)
     factor = first_factor(state, shape)
     scene = clumps.build(state, clumps.unrelaxed(state, factor))
     sim = lsm.Simulation(scene)

@@ -182,7 +182,9 @@ def build(state: State, extras: bool = False, parallel: bool | None = None, patc
     orientations: dict[str, Any] = {}
     if patches > 1:
         rng = np.random.default_rng(0)
-        shapes.append(lsm.regular_disc_of_arcs(patches) if dim == 2 else lsm.ball_of_faces(patches, DILATION))
+        shapes.append(
+            lsm.shapes.regular_disc_of_arcs(patches) if dim == 2 else lsm.shapes.ball_of_faces(patches, DILATION)
+        )
         orientations = {"angle" if dim == 2 else "orientation": lsm.random_rotations(rng, count, dim)}
     return lsm.Scene(
         dim=dim,
