@@ -13,6 +13,7 @@ import workflows
 from taichi_lsm.core.errors import InputError
 from taichi_lsm.effects import find_effects
 from tests.effects.test_every_effect import check_contract
+from workflows import hard
 from workflows.cli.discovery import find_workflows
 from workflows.common.parameters import merge
 
@@ -182,3 +183,13 @@ def test_recipe_of_an_experiment_runs(recipes, tmp_path):
     metrics = json.loads((tmp_path / "out" / "summary.json").read_text())["metrics"]
     assert metrics["restitution"]["value"] == pytest.approx(0.5, abs=0.01)
     assert metrics["restitution_error"]["holds"]
+
+
+def test_cases_of_the_stability_page_are_those_of_the_code():
+    """Titles, reasons and measures of all hard cases stand on the page as the code has them, in its order."""
+    text = (ROOT / "docs" / "stability.md").read_text(encoding="utf-8")
+    kinds = re.findall(r"^### (\w+)$", text, re.MULTILINE)
+    assert kinds == [kind.capitalize() for kind in hard.modules()]
+    rows = re.findall(r"^\| \*\*(.+?)\.\*\* (.+?) \| (.+?) \| ", text, re.MULTILINE)
+    cases = [case for kind in hard.modules() for case in hard.cases_of(kind)]
+    assert rows == [(case.title, case.why, case.measure) for case in cases]
