@@ -46,21 +46,31 @@ class Stopwatch:
         setattr(owner, name, timed)
 
 
-def serve(shape: str) -> None:
-    """Run the experiment and print seconds as JSON: of the whole, samples, files, guards and the picture."""
+def watched() -> dict[str, tuple[Any, tuple[str, ...]]]:
+    """Classes or modules and their functions whose calls are timed, by what they are counted as."""
     import taichi_lsm as lsm
     from taichi_lsm.stepping.monitor import Monitor
-    from workflows import shear_gouge
-    from workflows.plots import run_plots as plots
+    from workflows.plots import run_plots
 
-    samples, files, picture, checks, sums, error_flags = (Stopwatch() for _ in range(6))
-    checks.watch(Monitor, "_check_grains")
-    sums.watch(Monitor, "_check_energy")
-    error_flags.watch(Monitor, "check_faults")
-    samples.watch(lsm.ShearedLayer, "sample")
-    for name in ("row", "snapshot", "__enter__", "__exit__"):
-        files.watch(lsm.LayerRecorder, name)
-    picture.watch(plots, "plot_run")
+    return {
+        "samples": (lsm.ShearedLayer, ("sample",)),
+        "files": (lsm.LayerRecorder, ("row", "snapshot", "__enter__", "__exit__")),
+        "picture": (run_plots, ("plot_run",)),
+        "checks": (Monitor, ("_check_grains",)),
+        "sums": (Monitor, ("_check_energy",)),
+        "error_flags": (Monitor, ("check_error_flags",)),
+    }
+
+
+def serve(shape: str) -> None:
+    """Run the experiment and print seconds as JSON: of the whole, samples, files, guards and the picture."""
+    from workflows import shear_gouge
+
+    watches = {name: Stopwatch() for name in watched()}
+    for name, (owner, functions) in watched().items():
+        for function in functions:
+            watches[name].watch(owner, function)
+    samples, picture, checks, sums = (watches[name] for name in ("samples", "picture", "checks", "sums"))
     params = shear_gouge.Params.model_validate({"shape": shape})
     scene = shear_gouge.build(params)
     with tempfile.TemporaryDirectory() as out:
@@ -73,8 +83,8 @@ def serve(shape: str) -> None:
                 "run": whole - samples.first - picture.seconds - checks.first - sums.first,
                 "samples": samples.seconds - samples.first,
                 "count": samples.calls - 1,
-                "files": files.seconds,
-                "guards": checks.seconds - checks.first + sums.seconds - sums.first + error_flags.seconds,
+                "files": watches["files"].seconds,
+                "guards": checks.seconds - checks.first + sums.seconds - sums.first + watches["error_flags"].seconds,
                 "picture": picture.seconds,
             }
         )

@@ -8,7 +8,7 @@ import pytest
 
 import taichi_lsm as lsm
 from benchmarks import all as everything
-from benchmarks import bounds, effect_sets, lammps, ours, output_cost, page, run, scenes, sizes
+from benchmarks import bounds, effect_sets, lammps, ours, output_cost, page, roofline, run, scenes, sizes
 
 
 @pytest.fixture(params=scenes.TAGS)
@@ -128,6 +128,24 @@ def test_only_the_outermost_call_is_timed():
     assert Layer().outer() == 2 and watch.calls == 1
     Layer().inner()
     assert watch.calls == 2 and watch.seconds >= watch.first >= 0.0
+
+
+def test_timed_functions_exist():
+    for owner, functions in output_cost.watched().values():
+        for function in functions:
+            assert callable(getattr(owner, function))
+
+
+@pytest.mark.usefixtures("runtime")
+def test_bytes_of_a_step_are_counted():
+    """A row per grain, one per listed pair and one per contact; a name that the schema does not have is refused."""
+    sim = lsm.Simulation(scenes.declared("S2_1000", parallel=False)[0])
+    sim.run(1)
+    total, per_contact, contacts, listed = roofline.step_bytes(sim)
+    assert 1.0 < contacts < listed < 4.0
+    assert 100.0 < total < 1000.0 and per_contact == pytest.approx(total / contacts)
+    with pytest.raises(KeyError, match="no_such_row"):
+        roofline.row_bytes(sim.grains.variables.values(), sim.grains.sizes, {"no_such_row": 1})
 
 
 def test_data_file_holds_the_same_numbers(state):
