@@ -119,22 +119,6 @@ def test_a_name_that_does_not_exist_is_found():
     assert names_in(text) - names_of_the_library() == {"VelocityVerlet.jump", "leap"}
 
 
-def test_decisions_are_listed():
-    index = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
-    for path in (ROOT / "docs" / "decisions").glob("[0-9]*.md"):
-        assert f"({path.name})" in index
-
-
-def test_example_of_the_readme_runs(tmp_path):
-    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    compile(code, "README.md", "exec")
-    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{code}"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert re.search(r"^friction 0\.\d\d \+- 0\.\d\d$", done.stdout, re.MULTILINE), done.stdout
-    assert (tmp_path / "out" / "small" / "run.nc").exists()
-
-
 @pytest.fixture
 def recipes(tmp_path, monkeypatch):
     """The two recipes of CONTRIBUTING.md as plugins; the folder and their names."""
@@ -193,3 +177,19 @@ def test_cases_of_the_stability_page_are_those_of_the_code():
     rows = re.findall(r"^\| \*\*(.+?)\.\*\* (.+?) \| (.+?) \| ", text, re.MULTILINE)
     cases = [case for kind in hard.modules() for case in hard.cases_of(kind)]
     assert rows == [(case.title, case.why, case.measure) for case in cases]
+
+
+def test_decisions_are_listed():
+    index = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
+    for path in (ROOT / "docs" / "decisions").glob("[0-9]*.md"):
+        assert f"({path.name})" in index
+
+
+def test_example_of_the_readme_runs(tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    compile(code, "README.md", "exec")
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r})\n{code}"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^friction 0\.\d\d \+- 0\.\d\d$", done.stdout, re.MULTILINE), done.stdout
+    assert (tmp_path / "out" / "small" / "run.nc").exists()
