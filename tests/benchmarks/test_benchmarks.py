@@ -8,7 +8,7 @@ import pytest
 
 import taichi_lsm as lsm
 from benchmarks import all as everything
-from benchmarks import bounds, effect_sets, lammps, ours, output_cost, page, roofline, run, scenes, sizes
+from benchmarks import bounds, effect_sets, flops, lammps, ours, output_cost, page, roofline, run, scenes, sizes
 
 
 @pytest.fixture(params=scenes.TAGS)
@@ -134,6 +134,13 @@ def test_timed_functions_exist():
     for owner, functions in output_cost.watched().values():
         for function in functions:
             assert callable(getattr(owner, function))
+
+
+def test_operations_of_a_contact_are_counted():
+    """Two roots at most: the distance and the limit of friction. Each component of the force takes an addition."""
+    found = flops.operations("S2_1000")
+    assert 1 <= found["roots"] <= 2 and 1 <= found["divisions"] <= 6
+    assert 10 < found["additions"] < 100 and 10 < found["multiplications"] < 100
 
 
 @pytest.mark.usefixtures("runtime")
