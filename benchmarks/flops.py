@@ -28,10 +28,10 @@ def serve(tag: str) -> None:
 
     block.WIDTH = 1
     import taichi_lsm as lsm
-    from taichi_lsm.measure.profiling import StepStages
+    from taichi_lsm.measure.profiling import StageTimer
 
     sim = lsm.Simulation(scenes.declared(tag, parallel=False)[0])
-    StepStages(sim).contacts(1)
+    StageTimer(sim).contacts(1)
 
 
 def count(text: str) -> Counter[str]:

@@ -31,7 +31,7 @@ GRAIN = {
     "built_position": 1,
     "platen_index": 1,
 }
-PAIR = {"first": 1, "partner": 1, "status": 1}
+PAIR = {"first_slot": 1, "second_slot": 1, "status": 1}
 CONTACT = {"history": 2, "pair_force": 2, "pair_torque": 2, "status": 1}
 
 
