@@ -144,6 +144,16 @@ def test_recipes_are_found(recipes):
     module = find_workflows()["my-test"]
     for preset in ("smoke", "demo", "standard", "reference"):
         assert merge(module.Params, preset).preset_name == preset
+        module.check(merge(module.Params, preset))
+    with pytest.raises(InputError, match=r"speed 20 m/s: must be <= 16 m/s"):
+        module.check(module.Params(speed=20.0))
+
+
+def test_recipes_have_the_style_of_the_package(recipes):
+    for command in (["check"], ["format", "--check"]):
+        ruff = [sys.executable, "-m", "ruff", *command, "--config", str(ROOT / "pyproject.toml"), str(recipes)]
+        done = subprocess.run(ruff, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.usefixtures("runtime")
