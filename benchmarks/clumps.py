@@ -160,7 +160,7 @@ def metrics(sim: lsm.Simulation, clumps: Clumps) -> dict[str, float]:
     mobile = clumps.kind == scenes.MOBILE
     return {
         "contacts_per_grain": sums["contact_ends"] / int(mobile.sum()),
-        "normal_stress": float(sums["stress"][1, 1]),
+        "normal_stress": float(np.asarray(sums["stress"])[1, 1]),
         "translational_energy": sums["translational_energy"],
         "mass": float(sim.scene.masses()[0].sum()),
     }

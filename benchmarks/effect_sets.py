@@ -6,6 +6,14 @@ Units are those of `scenes`: mean diameter d = 1, density rho = 1.
 import numpy as np
 
 import taichi_lsm as lsm
+from taichi_lsm.effects.cohesion import Cohesion
+from taichi_lsm.effects.elastic_brittle_bond import ElasticBrittleBond
+from taichi_lsm.effects.global_damping import GlobalDamping
+from taichi_lsm.effects.hertz import Hertz
+from taichi_lsm.effects.mindlin import Mindlin
+from taichi_lsm.effects.rate_and_state_friction import RateAndStateFriction
+from taichi_lsm.effects.rolling_resistance import RollingResistance
+from taichi_lsm.effects.velocity_weakening_friction import VelocityWeakeningFriction
 
 NORMAL_STIFFNESS = 1e4
 TANGENTIAL_RATIO = 2.0 / 7.0
@@ -33,25 +41,25 @@ EFFECT_SETS: dict[str, tuple[list, str | None]] = {
     "viscous_damping": (DAMPED, "linear_elastic"),
     "coulomb_friction": (FRICTIONAL, "viscous_damping"),
     "gravity": ([*FRICTIONAL, lsm.Gravity((0.0, -1e-4, 0.0))], "coulomb_friction"),
-    "global_damping": ([*FRICTIONAL, lsm.GlobalDamping(1e-3)], "coulomb_friction"),
-    "cohesion": ([*FRICTIONAL, lsm.Cohesion(1e-3 * NORMAL_STIFFNESS, 0.02)], "coulomb_friction"),
-    "rolling_resistance": ([*FRICTIONAL, lsm.RollingResistance(0.1, 0.01 * NORMAL_STIFFNESS)], "coulomb_friction"),
+    "global_damping": ([*FRICTIONAL, GlobalDamping(1e-3)], "coulomb_friction"),
+    "cohesion": ([*FRICTIONAL, Cohesion(1e-3 * NORMAL_STIFFNESS, 0.02)], "coulomb_friction"),
+    "rolling_resistance": ([*FRICTIONAL, RollingResistance(0.1, 0.01 * NORMAL_STIFFNESS)], "coulomb_friction"),
     "velocity_weakening_friction": (
-        [*DAMPED, lsm.VelocityWeakeningFriction(FRICTION, 0.3, 1.0, TANGENTIAL_STIFFNESS)],
+        [*DAMPED, VelocityWeakeningFriction(FRICTION, 0.3, 1.0, TANGENTIAL_STIFFNESS)],
         "viscous_damping",
     ),
     "rate_and_state_friction": (
-        [*DAMPED, lsm.RateAndStateFriction(FRICTION, 0.01, 0.015, 1e-3, 1.0, TANGENTIAL_STIFFNESS)],
+        [*DAMPED, RateAndStateFriction(FRICTION, 0.01, 0.015, 1e-3, 1.0, TANGENTIAL_STIFFNESS)],
         "viscous_damping",
     ),
     "elastic_brittle_bond": (
         # All touching grains are bonded, and bonds take the place of contacts.
-        [*FRICTIONAL, lsm.ElasticBrittleBond(NORMAL_STIFFNESS, POISSON_RATIO, np.inf, 0.8)],
+        [*FRICTIONAL, ElasticBrittleBond(NORMAL_STIFFNESS, POISSON_RATIO, np.inf, 0.8)],
         "coulomb_friction",
     ),
-    "hertz": ([lsm.Hertz(YOUNG_MODULUS, POISSON_RATIO)], None),
+    "hertz": ([Hertz(YOUNG_MODULUS, POISSON_RATIO)], None),
     "mindlin": (
-        [lsm.Hertz(YOUNG_MODULUS, POISSON_RATIO), lsm.Mindlin(FRICTION, YOUNG_MODULUS, POISSON_RATIO)],
+        [Hertz(YOUNG_MODULUS, POISSON_RATIO), Mindlin(FRICTION, YOUNG_MODULUS, POISSON_RATIO)],
         "hertz",
     ),
 }

@@ -20,6 +20,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     import taichi_lsm as lsm
 
@@ -78,7 +80,7 @@ def metrics(sim: lsm.Simulation, volume: float) -> dict[str, float]:
     kinetic = 2.0 * sums["translational_energy"]  # part of the trace of our stress; LAMMPS gives that of pairs alone
     return {
         "contacts_per_grain": sums["contact_ends"] / mobile,
-        "pressure": (float(sums["stress"].trace()) - kinetic) / (sim.scene.dim * volume),
+        "pressure": (float(np.trace(np.asarray(sums["stress"]))) - kinetic) / (sim.scene.dim * volume),
         "translational_energy": sums["translational_energy"],
         "rotational_energy": sums["rotational_energy"],
         "mass": float(sim.scene.masses()[0].sum()),

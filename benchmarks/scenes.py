@@ -178,7 +178,7 @@ def build(state: State, extras: bool = False, parallel: bool | None = None, patc
     """
     dim, count = state.dim, len(state.x)
     still = [lsm.Fixed()] * dim
-    shapes = [lsm.disc() if dim == 2 else lsm.sphere()]
+    shapes: list[Any] = [lsm.disc() if dim == 2 else lsm.sphere()]
     orientations: dict[str, Any] = {}
     if patches > 1:
         rng = np.random.default_rng(0)
