@@ -1,9 +1,9 @@
 """The same scene in LAMMPS: writes its data file and its deck, runs `lmp` and reads what it printed.
 
-LAMMPS computes in double precision. Its law `gran/hooke/history` differs from ours in three small points:
-the damped normal force may attract, the arms are the radii instead of reaching to the middle of the overlap,
-and the tangential spring is projected but not turned with the spin about the normal. Tangential damping is
-switched off.
+LAMMPS computes in double precision. Its force law `gran/hooke/history` differs from ours in three small points:
+the damped normal force may attract, the lever arms are the radii instead of reaching to the middle of the overlap,
+and the tangential spring is projected but not rotated with the angular velocity about the normal. Tangential damping
+is switched off.
 """
 
 import os
@@ -11,9 +11,10 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks import scenes
+from benchmarks import effect_sets, scenes
 
 HOW_TO_INSTALL = "LAMMPS (`lmp`) was not found. Debian, Ubuntu: apt-get install lammps; see https://www.lammps.org"
 
@@ -57,7 +58,7 @@ run 0
 """
 
 
-def data_file(state):
+def data_file(state: scenes.State) -> str:
     """Text of the data file: grains of density 1 with their diameters, at rest."""
     x = state.x if state.dim == 3 else [(a, b, 0.0) for a, b in state.x]
     depth = (0.0, state.box[2]) if state.dim == 3 else (-0.5, 0.5)
@@ -72,8 +73,8 @@ def data_file(state):
     return "\n".join(lines) + "\n"
 
 
-def deck(state, data, skip, steps):
-    """Text of the input deck: `skip` steps, then `steps` timed ones, then the figures to compare."""
+def deck(state: scenes.State, data: str, skip: int, steps: int) -> str:
+    """Text of the input deck: `skip` steps, then `steps` timed ones, then the metrics to compare."""
     plane = state.dim == 2
     return DECK.format(
         dim=state.dim,
@@ -81,10 +82,10 @@ def deck(state, data, skip, steps):
         disc_mass="set group all density/disc 1.0" if plane else "",
         disc_inertia=" disc" if plane else "",
         in_plane="fix plane all enforce2d" if plane else "",
-        k_n=scenes.NORMAL_STIFFNESS,
-        k_t=scenes.TANGENTIAL_RATIO * scenes.NORMAL_STIFFNESS,
-        rate=scenes.DAMPING_RATE,
-        friction=scenes.FRICTION,
+        k_n=effect_sets.NORMAL_STIFFNESS,
+        k_t=effect_sets.TANGENTIAL_STIFFNESS,
+        rate=effect_sets.DAMPING_RATE,
+        friction=effect_sets.FRICTION,
         skin=scenes.SKIN,
         dt=scenes.TIME_STEP,
         speed=scenes.WALL_SPEED,
@@ -96,9 +97,23 @@ def deck(state, data, skip, steps):
     )
 
 
-def clocks_and_figures(text):
-    """({seconds, cpu_seconds}, last row) of the output of a deck of three runs, of which the second is timed and the
-    third prints a table that begins with `Step c_zz`. ValueError if it is incomplete."""
+def clocks_and_last_row(text: str) -> tuple[dict[str, float], list[float]]:
+    """Clocks of the timed run and last row of the final table, from the output of a deck.
+
+    The deck has three runs: the second is timed, and the third prints a table that begins with `Step c_zz`.
+
+    Returns
+    -------
+    clocks : dict
+        {"seconds": wall clock, "cpu_seconds": processor time of one process}.
+    row : list of float
+        Last row of the table.
+
+    Raises
+    ------
+    ValueError
+        If the output is incomplete.
+    """
     loops = re.findall(r"^Loop time of (\S+) on", text, re.MULTILINE)
     shares = re.findall(r"^(\S+)% CPU use with", text, re.MULTILINE)
     tables = re.findall(r"^\s*Step +c_zz.*\n((?: *[-\d].*\n)+)", text, re.MULTILINE)
@@ -109,39 +124,56 @@ def clocks_and_figures(text):
     return clocks, [float(word) for word in tables[-1].splitlines()[-1].split()]
 
 
-def parse(text, dim):
-    """Seconds of the timed loop (wall clock, processor) and the figures at its end, from the output of `lmp`.
+def parse(text: str, dim: int) -> dict[str, float]:
+    """Seconds of the timed loop (wall clock, processor) and the metrics at its end, from the output of `lmp`.
 
-    Raises ValueError if the output is incomplete.
+    Raises
+    ------
+    ValueError
+        If the output is incomplete.
     """
-    clocks, (_, contacts, pressure, moving, spinning, mass) = clocks_and_figures(text)
+    clocks, (_, contacts, pressure, translational, rotational, mass) = clocks_and_last_row(text)
     if dim == 2:
-        spinning *= 0.5 / 0.4  # `erotate/sphere` takes the inertia of a sphere, the integrator that of a disc
+        rotational *= 0.5 / 0.4  # `erotate/sphere` takes the inertia of a sphere, the integrator that of a disc
     return clocks | {
         "contacts_per_grain": contacts,
         "pressure": pressure,
-        "translational_energy": moving,
-        "rotational_energy": spinning,
+        "translational_energy": translational,
+        "rotational_energy": rotational,
         "mass": mass,
     }
 
 
-def find():
+def find() -> str | None:
     """Path of `lmp`, or None."""
     return shutil.which("lmp")
 
 
-def install():
-    """Install the Debian package; only when asked for, and only as root."""
+def install() -> None:
+    """Install the Debian package, as root; SystemExit for any other user."""
     if os.geteuid() != 0:
         raise SystemExit(f"--install-lammps needs root. {HOW_TO_INSTALL}")
     subprocess.run(["apt-get", "install", "--yes", "--no-install-recommends", "lammps"], check=True)
 
 
-def execute(data, deck, processes, also=()):
-    """Run a deck on `processes` MPI processes; returns what it printed, then the text of each file named in `also`.
+def execute(data: str, deck: str, processes: int, also: Sequence[str] = ()) -> list[str]:
+    """Run a deck.
 
-    data: text of `grains.data`, which the deck reads.
+    Parameters
+    ----------
+    data : str
+        Text of `grains.data`, which the deck reads.
+    deck : str
+        Text of the input deck.
+    processes : int
+        MPI processes.
+    also : sequence of str
+        Files that the deck writes.
+
+    Returns
+    -------
+    list of str
+        The printed output, then the text of each file of `also` ("" if it was not written).
     """
     program = [find() or "lmp", "-in", "in.deck", "-log", "none"]
     if processes > 1:
@@ -156,7 +188,7 @@ def execute(data, deck, processes, also=()):
         return [done.stdout, *(path.read_text(encoding="ascii") if path.exists() else "" for path in made)]
 
 
-def run(state, processes, skip, steps):
+def run(state: scenes.State, processes: int, skip: int, steps: int) -> dict[str, float]:
     """Run LAMMPS on `processes` MPI processes from the stored state; see `parse`."""
     (printed,) = execute(data_file(state), deck(state, "grains.data", skip, steps), processes)
     return parse(printed, state.dim)

@@ -1,14 +1,15 @@
 """Rigid clumps of spheres in LAMMPS: data file, deck and output of the clump scenes; see `clumps` and `lammps`.
 
 Each mobile clump is a body of `fix rigid/small`; glued clumps are the spheres of the walls, which no clump leaves.
-Spheres of one clump do not see each other. The pressure of pairs alone (`compute pressure ... pair`) would be taken
+Spheres of one clump do not interact. The pressure of pairs alone (`compute pressure ... pair`) would be taken
 between centres of spheres, a third of that of the grains for 30 spheres, so that the load is compared by the force on
 the walls.
 """
 
 import numpy as np
 
-from benchmarks import lammps, scenes
+from benchmarks import effect_sets, lammps, scenes
+from benchmarks.clumps import Clumps
 
 # `cutoff 2.5` of comm_modify: a clump reaches across the border of a process.
 DECK = """\
@@ -51,32 +52,32 @@ run 0
 """
 
 
-def data_file(clumps):
-    """Text of the data file: spheres of density 1 in clumps numbered from 1, at rest, on their own side of the box."""
+def data_file(clumps: Clumps) -> str:
+    """Text of the data file: spheres of density 1 at rest, in clumps numbered from 1, wrapped into the box."""
     count, each = clumps.offset.shape[:2]
     lines = [f"{clumps.tag}, d = 1, rho = 1", "", f"{count * each} atoms", "3 atom types", ""]
     lines += [f"0 {side:.17g} {a}lo {a}hi" for a, side in zip("xyz", clumps.box)]
     lines += ["", "Atoms # hybrid", ""]
     x = clumps.spheres
-    turns = np.floor(x / clumps.box).astype(int) * [1, 0, 1]  # the box repeats along x and z
-    x = x - turns * clumps.box
+    image = np.floor(x / clumps.box).astype(int) * [1, 0, 1]  # the box repeats along x and z
+    x = x - image * clumps.box
     kind, d = np.repeat(clumps.kind, each), np.repeat(clumps.d, each)
     lines += [
         f"{i + 1} {kind[i]} {x[i, 0]:.17g} {x[i, 1]:.17g} {x[i, 2]:.17g} {d[i]:.17g} 1 {i // each + 1} "
-        f"{turns[i, 0]} {turns[i, 1]} {turns[i, 2]}"
+        f"{image[i, 0]} {image[i, 1]} {image[i, 2]}"
         for i in range(count * each)
     ]
     return "\n".join(lines) + "\n"
 
 
-def deck(data, skip, steps):
-    """Text of the input deck: `skip` steps, then `steps` timed ones, then the figures to compare."""
+def deck(data: str, skip: int, steps: int) -> str:
+    """Text of the input deck: `skip` steps, then `steps` timed ones, then the metrics to compare."""
     return DECK.format(
         data=data,
-        k_n=scenes.NORMAL_STIFFNESS,
-        k_t=scenes.TANGENTIAL_RATIO * scenes.NORMAL_STIFFNESS,
-        rate=scenes.DAMPING_RATE,
-        friction=scenes.FRICTION,
+        k_n=effect_sets.NORMAL_STIFFNESS,
+        k_t=effect_sets.TANGENTIAL_STIFFNESS,
+        rate=effect_sets.DAMPING_RATE,
+        friction=effect_sets.FRICTION,
         skin=scenes.SKIN,
         dt=scenes.TIME_STEP,
         speed=scenes.WALL_SPEED,
@@ -88,10 +89,10 @@ def deck(data, skip, steps):
     )
 
 
-def touching_clumps(text, each):
-    """Pairs of clumps (pairs, 2), numbered from 0, that touch at one sphere or more, from the dump of touching spheres.
+def touching_clumps(text: str, each: int) -> np.ndarray:
+    """Pairs of clumps (pairs, 2), numbered from 0, that touch at one sphere or more.
 
-    each: spheres per clump.
+    text: the dump of touching spheres; each: spheres per clump.
     """
     rows = text.splitlines()
     start = next(i for i, row in enumerate(rows) if row.startswith("ITEM: ENTRIES")) + 1
@@ -99,13 +100,27 @@ def touching_clumps(text, each):
     return np.unique(np.sort((pairs - 1) // each, axis=1), axis=0)
 
 
-def parse(text, touching, clumps):
-    """Clocks of the timed loop and figures at its end, from what `lmp` printed and from its dump of touching spheres.
+def parse(text: str, touching: str, clumps: Clumps) -> dict[str, float]:
+    """Clocks of the timed loop and metrics at its end.
 
     contacts_per_grain counts a pair of clumps once, sphere_contacts_per_grain each pair of spheres; normal_stress is
-    the mean of the forces on both walls over their area. Raises ValueError if the output is incomplete.
+    the mean of the forces on both walls over their area.
+
+    Parameters
+    ----------
+    text : str
+        Printed output of `lmp`.
+    touching : str
+        Its dump of touching spheres.
+    clumps : Clumps
+        The clumps that were run.
+
+    Raises
+    ------
+    ValueError
+        If the output is incomplete.
     """
-    clocks, (_, contacts, pressure, moving, up, down) = lammps.clocks_and_figures(text)
+    clocks, (_, contacts, pressure, translational, up, down) = lammps.clocks_and_last_row(text)
     pairs = touching_clumps(touching, clumps.offset.shape[1])
     mobile = clumps.kind == scenes.MOBILE
     return clocks | {
@@ -113,12 +128,12 @@ def parse(text, touching, clumps):
         "sphere_contacts_per_grain": contacts / float(mobile.sum()),
         "normal_stress": 0.5 * (up - down) / float(clumps.box[0] * clumps.box[2]),
         "pressure_of_spheres": pressure,
-        "translational_energy": moving,
+        "translational_energy": translational,
         "mass": float(clumps.mass.sum()),
     }
 
 
-def run(clumps, processes, skip, steps):
+def run(clumps: Clumps, processes: int, skip: int, steps: int) -> dict[str, float]:
     """Run LAMMPS on `processes` MPI processes from the stored state; see `parse`."""
-    text = lammps.execute(data_file(clumps), deck("grains.data", skip, steps), processes, ["touching.txt"])
-    return parse(*text, clumps)
+    text, touching = lammps.execute(data_file(clumps), deck("grains.data", skip, steps), processes, ["touching.txt"])
+    return parse(text, touching, clumps)

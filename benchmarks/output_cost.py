@@ -1,9 +1,9 @@
 """What share of a run goes into diagnostics, files and guards? `python -m benchmarks.output_cost`.
 
 Runs the shear experiment (`lsm shear-gouge` with its defaults) and times, from outside of the program, every sample of
-the layer (all sums over grains and contacts), every row and snapshot written, and every look and sum of the guards. The
-first of each is left out of both the part and the whole: it compiles. The picture made at the end does not grow with
-the run and is given in seconds.
+the layer (all sums over grains and contacts), every row and snapshot written, and every check and sum of the guards.
+The first of each is left out of both the share and the whole: it compiles. The picture made at the end does not grow
+with the run and is given in seconds.
 """
 
 import argparse
@@ -12,6 +12,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from typing import Any
 
 from benchmarks import bounds, page
 from benchmarks.ours import ROOT
@@ -21,13 +23,13 @@ DIAGNOSTICS, FILES, GUARDS = 0.03, 0.01, 0.02  # bounds of the shares
 
 
 class Stopwatch:
-    """Seconds and calls of methods, of which only the outermost counts."""
+    """Seconds and calls of the watched methods; a call from inside another watched call is not counted again."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.calls, self.seconds, self.first, self.inside = 0, 0.0, 0.0, False
 
-    def watch(self, owner, name):
-        """Replace method `name` of the class `owner` by one that is timed."""
+    def watch(self, owner: Any, name: str) -> None:
+        """Replace attribute `name` of the class or module `owner` by a timed version."""
         method = getattr(owner, name)
 
         def timed(*args, **options):
@@ -44,22 +46,32 @@ class Stopwatch:
         setattr(owner, name, timed)
 
 
-def serve(shape):
-    """Run the experiment and print the seconds as JSON: of the whole, of samples, of files, of the picture."""
+def watched() -> dict[str, tuple[Any, tuple[str, ...]]]:
+    """Classes or modules and their functions whose calls are timed, by what they are counted as."""
     import taichi_lsm as lsm
     from taichi_lsm.stepping.monitor import Monitor
-    from workflows import shear_gouge
-    from workflows.plots import run_plots as plots
+    from workflows.plots import run_plots
 
-    samples, files, picture, looks, sums, error_flags = (Stopwatch() for _ in range(6))
-    looks.watch(Monitor, "_check_grains")
-    sums.watch(Monitor, "_check_energy")
-    error_flags.watch(Monitor, "check_faults")
-    samples.watch(lsm.ShearedLayer, "sample")
-    for name in ("row", "snapshot", "__enter__", "__exit__"):
-        files.watch(lsm.LayerRecorder, name)
-    picture.watch(plots, "plot_run")
-    params = shear_gouge.Params(shape=shape)
+    return {
+        "samples": (lsm.ShearedLayer, ("sample",)),
+        "files": (lsm.LayerRecorder, ("row", "snapshot", "__enter__", "__exit__")),
+        "picture": (run_plots, ("plot_run",)),
+        "checks": (Monitor, ("_check_grains",)),
+        "sums": (Monitor, ("_check_energy",)),
+        "error_flags": (Monitor, ("check_error_flags",)),
+    }
+
+
+def serve(shape: str) -> None:
+    """Run the experiment and print seconds as JSON: of the whole, samples, files, guards and the picture."""
+    from workflows import shear_gouge
+
+    watches = {name: Stopwatch() for name in watched()}
+    for name, (owner, functions) in watched().items():
+        for function in functions:
+            watches[name].watch(owner, function)
+    samples, picture, checks, sums = (watches[name] for name in ("samples", "picture", "checks", "sums"))
+    params = shear_gouge.Params.model_validate({"shape": shape})
     scene = shear_gouge.build(params)
     with tempfile.TemporaryDirectory() as out:
         began = time.perf_counter()
@@ -68,19 +80,19 @@ def serve(shape):
     print(
         json.dumps(
             {
-                "run": whole - samples.first - picture.seconds - looks.first - sums.first,
+                "run": whole - samples.first - picture.seconds - checks.first - sums.first,
                 "samples": samples.seconds - samples.first,
                 "count": samples.calls - 1,
-                "files": files.seconds,
-                "guards": looks.seconds - looks.first + sums.seconds - sums.first + error_flags.seconds,
+                "files": watches["files"].seconds,
+                "guards": checks.seconds - checks.first + sums.seconds - sums.first + watches["error_flags"].seconds,
                 "picture": picture.seconds,
             }
         )
     )
 
 
-def run(shape):
-    """What `serve` measures, in a process of its own."""
+def run(shape: str) -> dict[str, float]:
+    """Seconds that `serve` prints, from a process of its own."""
     command = [sys.executable, "-m", "benchmarks.output_cost", "--serve", shape]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
@@ -88,30 +100,29 @@ def run(shape):
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def measure(shapes):
-    """(figures with the bounds, seconds by shape)."""
+def measure(shapes: Sequence[str]) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]]]:
+    """Shares of a run as metrics with their bounds, and the seconds of each shape."""
     seconds = {shape: run(shape) for shape in shapes}
     metrics = {}
-    for shape, part in seconds.items():
-        metrics[f"diagnostics_{shape}"] = bounds.figure(part["samples"] / part["run"], "1", DIAGNOSTICS)
-        metrics[f"files_{shape}"] = bounds.figure(part["files"] / part["run"], "1", FILES)
-        metrics[f"guards_{shape}"] = bounds.figure(part["guards"] / part["run"], "1", GUARDS)
+    for shape, s in seconds.items():
+        metrics[f"diagnostics_{shape}"] = bounds.metric(s["samples"] / s["run"], "1", DIAGNOSTICS)
+        metrics[f"files_{shape}"] = bounds.metric(s["files"] / s["run"], "1", FILES)
+        metrics[f"guards_{shape}"] = bounds.metric(s["guards"] / s["run"], "1", GUARDS)
     return metrics, seconds
 
 
-def table(seconds):
+def table(seconds: dict[str, dict[str, float]]) -> str:
     """Markdown table of the seconds of each run."""
     lines = page.head("shape", "run [s]", "samples [s]", "number of samples", "files [s]", "guards [s]", "picture [s]")
     for shape, s in seconds.items():
-        parts = (f"{s['run']:.2f}", f"{s['samples']:.3f}", s["count"], f"{s['files']:.3f}")
-        parts += (f"{s['guards']:.3f}", f"{s['picture']:.2f}")
-        lines.append(page.row(shape, *parts))
+        cells = (f"{s['run']:.2f}", f"{s['samples']:.3f}", s["count"], f"{s['files']:.3f}")
+        lines.append(page.row(shape, *cells, f"{s['guards']:.3f}", f"{s['picture']:.2f}"))
     return "\n".join(lines)
 
 
-def main():
+def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--serve", choices=SHAPES, help="run one shape in this process and print its seconds")
     args = parser.parse_args()
     if args.serve:

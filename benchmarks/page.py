@@ -8,33 +8,36 @@ import re
 from pathlib import Path
 
 
-def row(*cells):
+def row(*cells: object) -> str:
     """One row of a table."""
     return "| " + " | ".join(str(cell) for cell in cells) + " |"
 
 
-def head(*cells):
+def head(*cells: object) -> list[str]:
     """Heading of a table and the line below it."""
     return [row(*cells), "|" + "---|" * len(cells)]
 
 
-def replaced(text, name, block):
-    """`text` with `block` between the markers `name`, or unchanged if there are none.
+def replaced(text: str, name: str, block: str) -> str:
+    """Put `block` between the markers `name`; a text without these markers comes back unchanged.
 
-    ValueError if one marker is missing or there are several.
+    Raises
+    ------
+    ValueError
+        If one of the two markers is missing, if there are several, or if they are in the wrong order.
     """
     opening, closing = f"<!-- bench:{name} -->", f"<!-- /bench:{name} -->"
-    found = text.count(opening), text.count(closing)
-    if found == (0, 0):
+    count = text.count(opening), text.count(closing)
+    if count == (0, 0):
         return text
-    if found != (1, 1) or text.index(opening) > text.index(closing):
-        raise ValueError(f"bench:{name}: {found[0]} opening, {found[1]} closing markers: must be one of each, in order")
+    if count != (1, 1) or text.index(opening) > text.index(closing):
+        raise ValueError(f"bench:{name}: {count[0]} opening, {count[1]} closing markers: must be one of each, in order")
     between = re.compile(re.escape(opening) + ".*?" + re.escape(closing), re.DOTALL)
     return between.sub(lambda _: f"{opening}\n{block.strip()}\n{closing}", text)
 
 
-def write(path, blocks):
-    """Put every block {name: text} between its markers of the page at `path`; returns the names that were found."""
+def write(path: str | Path, blocks: dict[str, str]) -> list[str]:
+    """Put every block {name: text} between its markers of the page at `path`; returns the names with markers."""
     path = Path(path)
     text = path.read_text(encoding="utf-8")
     done = [name for name in blocks if f"<!-- bench:{name} -->" in text]

@@ -2,11 +2,12 @@
 
 Counts the bytes that a step of a declared scene must move at least, from the schema of what it stores, and divides them
 by the bandwidth that this machine reaches on a triad of arrays far larger than its caches, on one core. A scene that
-fits into the caches may be faster than that; one that does not cannot be. The time of a step stands beside it.
+fits into the caches may be faster than that; one that does not cannot be. The table gives the measured time beside it.
 """
 
 import argparse
 import time
+from collections.abc import Iterable, Sequence
 from statistics import median
 
 import numpy as np
@@ -26,14 +27,16 @@ GRAIN = {
     "inverse_inertia": 1,
     "radius": 1,
     "force": 2,
+    "torque": 2,
+    "built_position": 1,
+    "platen_index": 1,
 }
-GRAIN |= {"torque": 2, "built_position": 1, "platen": 1}
-PAIR = {"first": 1, "partner": 1, "status": 1}
+PAIR = {"first_slot": 1, "second_slot": 1, "status": 1}
 CONTACT = {"history": 2, "pair_force": 2, "pair_torque": 2, "status": 1}
 
 
-def triad_bandwidth(turns=5):
-    """Bytes per second of a = b + c, of the fastest of `turns`: two arrays read, one written."""
+def triad_bandwidth(turns: int = 5) -> float:
+    """Bandwidth [bytes per second] of a = b + c, two arrays read and one written, in the fastest of `turns`."""
     b, c = np.ones(TRIAD), np.ones(TRIAD)
     a = np.empty(TRIAD)
     taken = []
@@ -44,15 +47,22 @@ def triad_bandwidth(turns=5):
     return 3 * a.nbytes / min(taken)
 
 
-def row_bytes(variables, sizes, times):
-    """Bytes that these rows of the schema take, each as often as `times` {name: factor} says."""
+def row_bytes(variables: Iterable, sizes: dict[str, int], times: dict[str, int]) -> int:
+    """Bytes of rows of the schema, each counted `times[name]` times; KeyError for a name that is not in the schema."""
     from taichi_lsm.core.fields import bytes_per_row
 
-    return sum(times.get(v.name, 0) * bytes_per_row([v], sizes) for v in variables)
+    by_name = {v.name: v for v in variables}
+    return sum(factor * bytes_per_row([by_name[name]], sizes) for name, factor in times.items())
 
 
-def step_bytes(sim):
-    """(bytes per grain and step, bytes per contact, contacts and listed pairs per grain); every value moved once."""
+def step_bytes(sim) -> tuple[float, float, float, float]:
+    """Bytes that a step moves if every value is moved once.
+
+    Returns
+    -------
+    tuple of float
+        Bytes per grain and step, bytes per contact and step, contacts per grain, listed pairs per grain.
+    """
     g, p, n = sim.grains, sim.pairs, len(sim)
     listed = int(p.row_start.to_numpy()[n])
     contacts = int((p.status.to_numpy()[:listed] != 0).sum())
@@ -63,8 +73,8 @@ def step_bytes(sim):
     return total, total * n / contacts, contacts / n, listed / n
 
 
-def measure(tags, turns):
-    """Markdown table of the tags."""
+def measure(tags: Sequence[str], turns: int) -> str:
+    """Markdown table of the tags, with the bandwidth above it."""
     import taichi_lsm as lsm
 
     bandwidth = triad_bandwidth()
@@ -82,9 +92,9 @@ def measure(tags, turns):
     return "\n".join(lines)
 
 
-def main():
+def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--turns", type=int, default=3, help="timed turns; medians are printed")
     print(measure(TAGS, parser.parse_args().turns))
 

@@ -4,12 +4,14 @@ Grains of the declared scenes are cut into arcs (2D) or faces (3D), so that the 
 spheres: only the search over patches is added. Each turn times every configuration over the same number of steps, one
 after the other and each in a process of its own, on one thread. With --full, grains are cut into up to 300 arcs and
 100 faces, and a consolidated layer of angular grains is timed beside one of discs or spheres, per grain and per
-contact, for its grains have more contacts.
+contact, since angular grains have more contacts.
 """
 
 import argparse
+from collections.abc import Sequence
 from contextlib import ExitStack
 from statistics import median
+from typing import Any
 
 from benchmarks.ours import Worker
 
@@ -20,13 +22,19 @@ WARM_UP = 200  # steps before the first turn
 LAYERS = ("sphere", "angular")  # shapes of the consolidated layers
 
 
-def rows_of(tags, turns):
-    """One row per configuration (tag, shape): name, median time [ns per grain and step], contacts per grain, all timed
-    in turn; the first one is what the others are compared with."""
+def rows_of(tags: Sequence[str], turns: int) -> list[dict[str, Any]]:
+    """Time several scenes in turn.
+
+    Returns
+    -------
+    list of dict
+        A row per tag: "tag", "ns" (median time [ns per grain and step]) and "contacts" (per grain). `table` compares
+        all rows with the first one.
+    """
     with ExitStack() as stack:
         workers = {tag: stack.enter_context(Worker(tag, "f64", 1, False)) for tag in tags}
         grains = {tag: worker.grains for tag, worker in workers.items()}
-        taken = {tag: [] for tag in tags}
+        taken: dict[str, list[float]] = {tag: [] for tag in tags}
         for worker in workers.values():
             worker.ask(f"run {WARM_UP}")
         for _ in range(turns):
@@ -37,7 +45,7 @@ def rows_of(tags, turns):
     return [{"tag": tag, "ns": median(taken[tag]), "contacts": contacts[tag]} for tag in tags]
 
 
-def table(groups):
+def table(groups: Sequence[list[dict[str, Any]]]) -> str:
     """Markdown table of groups of rows; ratios to the first row of each group."""
     lines = [
         "| scene | ns per grain and step | contacts per grain | ratio per grain | ratio per contact |",
@@ -54,8 +62,8 @@ def table(groups):
     return "\n".join(lines)
 
 
-def measure(full, turns, dims=(2, 3)):
-    """Groups of rows of `rows_of`, for `table`: cut discs and spheres; with `full` more patches, and packed layers."""
+def measure(full: bool, turns: int, dims: Sequence[int] = (2, 3)) -> list[list[dict[str, Any]]]:
+    """Groups of rows for `table`: cut discs and spheres; with `full` more patches and consolidated layers."""
     groups = []
     for tag, patches in (CUT_FULL if full else CUT).items():
         dim = int(tag[1])
@@ -66,9 +74,9 @@ def measure(full, turns, dims=(2, 3)):
     return groups
 
 
-def main():
+def main() -> None:
     """Time all shapes and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--turns", type=int, default=5, help="timed turns; medians are printed")
     parser.add_argument("--dim", type=int, nargs="+", choices=(2, 3), default=(2, 3), help="dimensions")
     parser.add_argument("--full", action="store_true", help="up to 300 arcs and 100 faces, and packed layers")

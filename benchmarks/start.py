@@ -3,8 +3,8 @@
 Seconds from the start of a Python process to the end of the first step of the shear experiment (`lsm shear-gouge`, the
 sizes of its preset smoke), measured from outside: imports, making the scene, compiling, one step. Cold: Taichi's cache
 of compiled kernels is an empty folder. Warm: the same folder, filled by the cold start. The user's own cache is not
-touched: Taichi reads the folder from TI_OFFLINE_CACHE_FILE_PATH. The seconds that the process had the processor are
-given too, for on a busy machine the clock on the wall tells more of the others.
+touched: Taichi reads the folder from TI_OFFLINE_CACHE_FILE_PATH. The processor time of the process is given too, since
+the wall clock also depends on the other programs of a busy machine.
 """
 
 import argparse
@@ -13,7 +13,10 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from pathlib import Path
 from statistics import median
+from typing import Any
 
 from benchmarks import bounds, page
 from benchmarks.ours import ROOT
@@ -31,24 +34,42 @@ print("stepped", time.process_time(), flush=True)
 """
 
 
-def seconds_to_first_step(scene, cache):
-    """(Seconds until a fresh process has made its first step, seconds on the processor), with Taichi's cache in the
-    folder `cache`."""
+def seconds_to_first_step(scene: str, cache: str | Path) -> tuple[float, float]:
+    """Time from the start of a fresh process to the end of its first step.
+
+    Parameters
+    ----------
+    scene : str
+        Dimension and shape, as in FLAT and SOLID.
+    cache : path
+        Folder of Taichi's compiled kernels.
+
+    Returns
+    -------
+    tuple of float
+        Seconds on the wall clock, seconds on the processor.
+
+    Raises
+    ------
+    RuntimeError
+        If the process did not make its first step.
+    """
     command = [sys.executable, "-c", FIRST_STEP, *scene.split()]
     environment = os.environ | {"TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
     began = time.perf_counter()
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        said = process.stdout.readline()
+        assert process.stdout is not None  # a pipe
+        printed = process.stdout.readline()
         taken = time.perf_counter() - began
-    word, *rest = said.split() or [""]
-    if word != "stepped" or process.returncode:  # it has ended by now, and with that written its cache
-        raise RuntimeError(f"start of {scene}: ended with code {process.returncode} after {said!r}")
+    word, *rest = printed.split() or [""]
+    if word != "stepped" or process.returncode:  # the process has ended by now, which has written its cache
+        raise RuntimeError(f"start of {scene}: ended with code {process.returncode} after {printed!r}")
     return taken, float(rest[0])
 
 
-def measure(scenes, turns):
-    """(Figures with the bounds, rows of the table): medians of `turns` cold starts, each followed by a warm one."""
-    taken = {(scene, kind): [] for scene in scenes for kind in BOUNDS}
+def measure(scenes: Sequence[str], turns: int) -> tuple[dict[str, dict[str, Any]], str]:
+    """Metrics with their bounds, and a table: medians of `turns` cold starts, each followed by a warm one."""
+    taken: dict[tuple[str, str], list] = {(scene, kind): [] for scene in scenes for kind in BOUNDS}
     for _ in range(turns):
         for scene in scenes:
             with tempfile.TemporaryDirectory() as cache:
@@ -58,15 +79,15 @@ def measure(scenes, turns):
     for (scene, kind), times in taken.items():
         wall, processor = (median(column) for column in zip(*times))
         name = f"start_{kind}_{scene.replace(' ', 'd_')}"
-        figure = bounds.figure(wall, "s", BOUNDS[kind]) if scene == CLAIMED else {"value": wall, "unit": "s"}
-        metrics[name] = figure | {"processor": processor}
-        rows.append(page.row(name, f"{wall:.2f}", f"{processor:.2f}", figure.get("bound", ""), figure.get("holds", "")))
+        metric = bounds.metric(wall, "s", BOUNDS[kind]) if scene == CLAIMED else {"value": wall, "unit": "s"}
+        metrics[name] = metric | {"processor": processor}
+        rows.append(page.row(name, f"{wall:.2f}", f"{processor:.2f}", metric.get("bound", ""), metric.get("holds", "")))
     return metrics, "\n".join([*page.head("start", "seconds", "on the processor", "at most", "holds"), *rows])
 
 
-def main():
+def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--turns", type=int, default=3, help="cold starts of each scene; medians are printed")
     parser.add_argument("--full", action="store_true", help="in 3D too")
     args = parser.parse_args()

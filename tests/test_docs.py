@@ -1,6 +1,7 @@
-"""The documents say what is there: links, commands, equations, the example."""
+"""The documents describe the code as it is: links, commands, equations, names, the example and the recipes."""
 
 import ast
+import json
 import re
 import subprocess
 import sys
@@ -8,7 +9,13 @@ from pathlib import Path
 
 import pytest
 
+import workflows
+from taichi_lsm.core.errors import InputError
+from taichi_lsm.effects import find_effects
+from tests.effects.test_every_effect import check_contract
+from workflows import hard
 from workflows.cli.discovery import find_workflows
+from workflows.common.parameters import merge
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -81,6 +88,105 @@ def test_every_equation_has_a_function_and_a_test():
         assert files and all((ROOT / file).exists() for file in files), f"{label}: {tests}"
         numbers |= {int(n) for n in re.findall(r"\d+", label) if re.fullmatch(r"[\d, ]+", label)}
     assert numbers == set(range(1, 25))
+
+
+def names_of_the_library():
+    """Functions, classes and methods of taichi_lsm, as `name` and as `Class.method`."""
+    names = set()
+    for path in (ROOT / "taichi_lsm").rglob("*.py"):
+        names |= names_defined(path)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                names |= {f"{node.name}.{child.name}" for child in node.body if isinstance(child, ast.FunctionDef)}
+    return names
+
+
+def names_in(text):
+    """What stands in backticks and is a name or a dotted name."""
+    return {name for name in re.findall(r"`([^`]+)`", text) if re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)?", name)}
+
+
+def test_names_in_the_step_of_the_architecture_exist():
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    (section,) = re.findall(r"^## A step, read aloud\n(.*?)^## ", text, re.DOTALL | re.MULTILINE)
+    named = names_in(section)
+    assert len(named) > 20 and any("." in name for name in named)
+    assert not named - names_of_the_library()
+
+
+def test_a_name_that_does_not_exist_is_found():
+    text = "`Simulation.run` calls `VelocityVerlet.jump` in `taichi_lsm/simulation.py`, and `leap`"
+    assert names_in(text) - names_of_the_library() == {"VelocityVerlet.jump", "leap"}
+
+
+@pytest.fixture
+def recipes(tmp_path, monkeypatch):
+    """The two recipes of CONTRIBUTING.md as plugins; the folder and their names."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    effect, workflow = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    for folder, name, code in (("effects", "stiffening_spring", effect), ("workflows", "my_test", workflow)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / f"{name}.py").write_text(code, encoding="utf-8")
+    monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
+    before, modules = list(workflows.__path__), set(sys.modules)
+    yield tmp_path
+    workflows.__path__[:] = before
+    for module in set(sys.modules) - modules:
+        if module.startswith("workflows."):
+            del sys.modules[module]
+
+
+def test_recipes_are_found(recipes):
+    effect = find_effects()["stiffening_spring"]
+    assert effect.cases() and effect.equation == "F_n = a d^2"
+    with pytest.raises(InputError, match=r"factor = -1.0: must be > 0"):
+        effect(factor=-1.0)
+    module = find_workflows()["my-test"]
+    for preset in ("smoke", "demo", "standard", "reference"):
+        assert merge(module.Params, preset).preset_name == preset
+        module.check(merge(module.Params, preset))
+    with pytest.raises(InputError, match=r"speed 20 m/s: must be <= 16 m/s"):
+        module.check(module.Params(speed=20.0))
+
+
+def test_recipes_have_the_style_of_the_package(recipes):
+    for command in (["check"], ["format", "--check"]):
+        ruff = [sys.executable, "-m", "ruff", *command, "--config", str(ROOT / "pyproject.toml"), str(recipes)]
+        done = subprocess.run(ruff, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.usefixtures("runtime")
+def test_recipe_of_an_effect_keeps_the_contract(recipes):
+    check_contract(find_effects()["stiffening_spring"], 0, 2)
+
+
+def test_recipe_of_an_experiment_runs(recipes, tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "workflows.cli.main",
+        "my-test",
+        "--preset",
+        "smoke",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads((tmp_path / "out" / "summary.json").read_text())["metrics"]
+    assert metrics["restitution"]["value"] == pytest.approx(0.5, abs=0.01)
+    assert metrics["restitution_error"]["holds"]
+
+
+def test_cases_of_the_stability_page_are_those_of_the_code():
+    """Titles, reasons and measures of all hard cases stand on the page as the code has them, in its order."""
+    text = (ROOT / "docs" / "stability.md").read_text(encoding="utf-8")
+    kinds = re.findall(r"^### (\w+)$", text, re.MULTILINE)
+    assert kinds == [kind.capitalize() for kind in hard.modules()]
+    rows = re.findall(r"^\| \*\*(.+?)\.\*\* (.+?) \| (.+?) \| ", text, re.MULTILINE)
+    cases = [case for kind in hard.modules() for case in hard.cases_of(kind)]
+    assert rows == [(case.title, case.why, case.measure) for case in cases]
 
 
 def test_decisions_are_listed():

@@ -8,7 +8,7 @@ import pytest
 
 import taichi_lsm as lsm
 from benchmarks import all as everything
-from benchmarks import bounds, lammps, ours, output_cost, page, run, scenes, sizes
+from benchmarks import bounds, effect_sets, flops, lammps, ours, output_cost, page, roofline, run, scenes, sizes
 
 
 @pytest.fixture(params=scenes.TAGS)
@@ -81,21 +81,21 @@ def test_a_domain_may_be_longer():
 
 
 def test_bounds_are_printed_beside_values():
-    metrics = {"a": bounds.figure(2.0, "s", 2.0), "b": bounds.figure(2.1, "s", 2.0)}
+    metrics = {"a": bounds.metric(2.0, "s", 2.0), "b": bounds.metric(2.1, "s", 2.0)}
     assert metrics["a"]["holds"] and not metrics["b"]["holds"]
     assert bounds.table(metrics).splitlines()[2:] == ["| a | 2 | s | 2 | yes |", "| b | 2.1 | s | 2 | NO |"]
 
 
 def test_growth_is_relative_to_ten_thousand():
     rows = {f"S3_{n}": {"grains": n, "ours_ns": t} for n, t in ((1000, 90.0), (10_000, 100.0), (1_000_000, 300.0))}
-    assert sizes.growth_figures(rows) == {"growth_S3_1000000": bounds.figure(3.0, "1", sizes.GROWTH)}
+    assert sizes.growth_metrics(rows) == {"growth_S3_1000000": bounds.metric(3.0, "1", sizes.GROWTH)}
     rows = {tag: row | {"lammps_ns": None, "ours_cpu_ns": 80.0, "steps_per_rebuild": 50.0} for tag, row in rows.items()}
     assert "| S3_1000 | 1000 | 90 | 80 | - | - | 50 |" in sizes.table(rows)
 
 
 def test_parts_write_results_and_page(tmp_path, monkeypatch, capsys):
     table = "| new |"
-    parts = {"one": lambda full: ({"a": bounds.figure(3.0, "s", 2.0), "full": {"ours_ns": full}}, {"x": table})}
+    parts = {"one": lambda full: ({"a": bounds.metric(3.0, "s", 2.0), "full": {"ours_ns": full}}, {"x": table})}
     monkeypatch.setattr(everything, "PARTS", parts)
     monkeypatch.setattr(run, "RESULTS", tmp_path / "results.json")
     file = tmp_path / "page.md"
@@ -130,6 +130,31 @@ def test_only_the_outermost_call_is_timed():
     assert watch.calls == 2 and watch.seconds >= watch.first >= 0.0
 
 
+def test_timed_functions_exist():
+    for owner, functions in output_cost.watched().values():
+        for function in functions:
+            assert callable(getattr(owner, function))
+
+
+def test_operations_of_a_contact_are_counted():
+    """Two roots at most: the distance and the limit of friction. Each component of the force takes an addition."""
+    found = flops.operations("S2_1000")
+    assert 1 <= found["roots"] <= 2 and 1 <= found["divisions"] <= 6
+    assert 10 < found["additions"] < 100 and 10 < found["multiplications"] < 100
+
+
+@pytest.mark.usefixtures("runtime")
+def test_bytes_of_a_step_are_counted():
+    """A row per grain, one per listed pair and one per contact; a name that the schema does not have is refused."""
+    sim = lsm.Simulation(scenes.declared("S2_1000", parallel=False)[0])
+    sim.run(1)
+    total, per_contact, contacts, listed = roofline.step_bytes(sim)
+    assert 1.0 < contacts < listed < 4.0
+    assert 100.0 < total < 1000.0 and per_contact == pytest.approx(total / contacts)
+    with pytest.raises(KeyError, match="no_such_row"):
+        roofline.row_bytes(sim.grains.variables.values(), sim.grains.sizes, {"no_such_row": 1})
+
+
 def test_data_file_holds_the_same_numbers(state):
     lines = lammps.data_file(state).splitlines()
     rows = np.array([line.split() for line in lines[lines.index("Atoms # sphere") + 2 :]], float)
@@ -150,9 +175,9 @@ def test_deck_describes_the_same_scene(state):
         named.setdefault(name, []).append(values)
     style, k_n, k_t, rate, tangential_rate, friction, tangential_damping = named["pair_style"][0]
     assert style == "gran/hooke/history"
-    assert float(k_n) == scenes.NORMAL_STIFFNESS
-    assert float(k_t) == pytest.approx(scenes.TANGENTIAL_RATIO * scenes.NORMAL_STIFFNESS, rel=1e-15)
-    assert (float(rate), float(friction)) == (scenes.DAMPING_RATE, scenes.FRICTION)
+    assert float(k_n) == effect_sets.NORMAL_STIFFNESS
+    assert float(k_t) == pytest.approx(effect_sets.TANGENTIAL_STIFFNESS, rel=1e-15)
+    assert (float(rate), float(friction)) == (effect_sets.DAMPING_RATE, effect_sets.FRICTION)
     assert float(tangential_rate) == 0.0 and tangential_damping == "0"
     assert float(named["timestep"][0][0]) == scenes.TIME_STEP
     assert float(named["neighbor"][0][0]) == scenes.SKIN

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks import clumps, lammps_clumps, relax, scenes
+from benchmarks import clumps, effect_sets, lammps_clumps, relax, scenes
 
 
 @pytest.fixture(params=clumps.TAGS)
@@ -110,9 +110,9 @@ def test_deck_describes_the_same_scene():
     deck = lammps_clumps.deck("grains.data", skip=200, steps=400)
     commands = [line.split() for line in deck.splitlines() if line]
     style, *numbers, damping = next(c[1:] for c in commands if c[0] == "pair_style")
-    wanted = [scenes.NORMAL_STIFFNESS, scenes.TANGENTIAL_RATIO * scenes.NORMAL_STIFFNESS, scenes.DAMPING_RATE]
+    wanted = [effect_sets.NORMAL_STIFFNESS, effect_sets.TANGENTIAL_STIFFNESS, effect_sets.DAMPING_RATE]
     assert style == "gran/hooke/history" and damping == "0"
-    assert [float(n) for n in numbers] == [*wanted, 0.0, scenes.FRICTION]
+    assert [float(n) for n in numbers] == [*wanted, 0.0, effect_sets.FRICTION]
     assert [float(c[1]) for c in commands if c[0] in ("timestep", "neighbor")] == [scenes.SKIN, scenes.TIME_STEP]
     assert [c[1] for c in commands if c[0] == "run"] == ["200", "400", "0"]
     assert ["fix", "rigid", "mob", "rigid/small", "molecule"] in commands
