@@ -1,25 +1,25 @@
 """What accuracy costs in time: error and cost of every choice that trades one for the other.
 
-Integrators and time steps, precision, law, neighbour skin; patches and discs per grain, corner radius; stiffness and
+Integrators and time steps, precision, force law, neighbour skin; patches and discs per grain, corner radius; stiffness and
 inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to our own discs at the
 default settings, timed in turn with nothing else running.
 """
 
 import json
-import multiprocessing
+import math
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from workflows.accuracy import collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.parallel_runs import in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import attributes_of
@@ -29,32 +29,49 @@ from workflows.plots.work_precision import plot_work_precision
 Parameter = Literal[
     "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
 ]
+LEAST_LONG = 3.0  # strain
 
 
 class Params(BaseParams):
     """How much is measured."""
 
-    phases: int = Field(64, ge=8, description="pairs of discs in a measurement of collisions, by phase of the step [1]")
-    replicas: int = Field(4, ge=2, description="measurements of each collision and gas [1]")
-    gas_grains: int = Field(225, ge=16, description="grains of the gas, a square number [1]")
-    contacts: float = Field(100.0, gt=0, description="time that the gas is followed [contact durations]")
-    timed_steps: int = Field(3000, ge=30, description="steps that are timed at once [1]")
-    turns: int = Field(5, ge=1, description="times that each cost is measured, in turn [1]")
-    shape_turns: int = Field(3, ge=1, description="times that the layers of each shape are sheared, in turn [1]")
-    impacts: int = Field(48, ge=4, description="impacts of ellipses, each turned otherwise [1]")
-    patches: list[int] = Field([12, 18, 30, 60, 120], description="patches per grain [1]")
-    discs: list[int] = Field([12, 30, 60], description="discs per clump [1]")
-    corners: list[float] = Field([0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]")
-    shapes: list[Literal["sphere", "angular"]] = Field(["sphere"], description="grains of the layers of all choices")
+    phases: int = Field(
+        64, ge=8, le=100_000, description="pairs of discs in a measurement of collisions, by phase of the step [1]"
+    )
+    replicas: int = Field(4, ge=2, le=1000, description="measurements of each collision and gas [1]")
+    gas_grains: int = Field(225, ge=16, le=1_000_000, description="grains of the gas, a square number [1]")
+    contacts: float = Field(100.0, ge=1, le=1e6, description="time that the gas is followed [contact durations]")
+    timed_steps: int = Field(3000, ge=30, le=1_000_000_000, description="steps that are timed at once [1]")
+    turns: int = Field(5, ge=1, le=1000, description="times that each cost is measured, in turn [1]")
+    shape_turns: int = Field(
+        3, ge=1, le=1000, description="times that the layers of each shape are sheared, in turn [1]"
+    )
+    impacts: int = Field(48, ge=4, le=100_000, description="impacts of ellipses, each turned otherwise [1]")
+    patches: list[Annotated[int, Field(ge=12, le=1200, multiple_of=6)]] = Field(
+        [12, 18, 30, 60, 120], min_length=1, description="patches per grain [1]"
+    )
+    discs: list[Annotated[int, Field(ge=3, le=1000)]] = Field([12, 30, 60], description="discs per clump [1]")
+    corners: list[Annotated[float, Field(ge=0.02, le=0.25)]] = Field(
+        [0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]"
+    )
+    shapes: list[Literal["sphere", "angular"]] = Field(
+        ["sphere"], min_length=1, description="grains of the layers of all choices"
+    )
     long_shapes: list[Literal["sphere", "angular"]] = Field(
         ["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
     )
-    parameters: list[Parameter] = Field(list(gouge.PARAMETERS), description="physical choices to measure")
-    most_settings: int = Field(4, ge=3, le=4, description="settings of each physical choice, with the usual one [1]")
-    seeds: int = Field(4, ge=2, description="runs of each setting of a layer [1]")
-    strain: float = Field(3.0, gt=1.2, description="shear strain of the layers [1]")
-    long_strain: float = Field(33.0, ge=0, description="strain of the runs that measure strain and seeds; 0: none [1]")
-    long_runs: int = Field(6, ge=2, description="number of those runs [1]")
+    parameters: list[Parameter] = Field(
+        list(get_args(Parameter)), min_length=1, description="parameters of the layer to measure"
+    )
+    most_settings: int = Field(
+        4, ge=3, le=4, description="settings of each of these parameters, with the usual one [1]"
+    )
+    seeds: int = Field(4, ge=2, le=1000, description="runs of each setting of a layer [1]")
+    strain: float = Field(3.0, gt=1.2, le=1e4, description="shear strain of the layers [1]")
+    long_strain: float = Field(
+        33.0, ge=0, le=1e4, description="strain of the runs that measure strain and seeds; 0: none [1]"
+    )
+    long_runs: int = Field(6, ge=2, le=1000, description="number of those runs [1]")
     lists: bool = Field(True, description="measure the neighbour skin")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -96,36 +113,58 @@ class Params(BaseParams):
         "reference": {"seeds": 16, "long_strain": 65.0, "long_runs": 16, "replicas": 16},
     }
 
+    @model_validator(mode="after")
+    def _measurable(self) -> Self:
+        problems = []
+        if math.isqrt(self.gas_grains) ** 2 != self.gas_grains:
+            near = round(math.sqrt(self.gas_grains)) ** 2
+            problems.append(f"--gas-grains {self.gas_grains}: must be a square number, such as {near}")
+        if 0.0 < self.long_strain < LEAST_LONG:
+            problems.append(
+                f"--long-strain {self.long_strain:g}: must be 0, for no such runs, or >= {LEAST_LONG:g}, for windows "
+                "of several widths to fit into the steady state"
+            )
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
 
-def alone(function, *arguments):
-    """What a function returns in a process of its own, beside which we do nothing."""
-    spawn = multiprocessing.get_context("spawn")  # Taichi is started once per process
-    with ProcessPoolExecutor(1, mp_context=spawn) as pool:
-        return pool.submit(function, *arguments).result()
+
+def check(params: Params) -> None:
+    """Refuse what no layer can be made of.
+
+    Raises
+    ------
+    InputError
+        With the option, its value, what is allowed and what to do.
+    """
+    last = params.seed + max(params.seeds, params.long_runs, params.replicas) - 1
+    for shape in dict.fromkeys(params.shapes + params.long_shapes):
+        for seed in (params.seed, last):
+            shear_gouge.check(gouge.layer(params, shape, seed))
 
 
 def numerical(params, report):
-    """Trials of integrators, steps, precision, law and skin."""
+    """Trials of integrators, steps, precision, force law and skin."""
     trials = []
-    for effect in collisions.LAWS:
-        trials += alone(collisions.measure_collisions, params, effect)
-        report("collisions", f"{effect} law")
-    trials += alone(collisions.measure_rack, params)
+    for law in collisions.FORCE_LAWS:
+        trials += in_fresh_process(collisions.measure_collisions, params, law)
+        report("collisions", f"{law} force law")
+    trials += in_fresh_process(collisions.measure_rack, params)
     report("rack", "ten discs")
-    of_gas = alone(gas.measure_gas, params, "first") + alone(gas.measure_gas, params, "second")
+    of_gas = in_fresh_process(gas.measure_gas, params, "first") + in_fresh_process(gas.measure_gas, params, "second")
     report("gas", f"{params.gas_grains} grains of arcs")
-    of_f32 = alone(gas.measure_gas, params.model_copy(update={"precision": "f32"}), "single")
+    of_f32 = in_fresh_process(gas.measure_gas, params.model_copy(update={"precision": "f32"}), "single")
     usual = of_gas[0].cost / of_gas[0].relative
     of_gas += [replace(t, relative=t.cost / usual) for t in of_f32]
     report("gas", "f32")
     per_step = {t.parameter: t.relative / t.value for t in of_gas}
     discs = {parameter: rate / per_step["onset_verlet"] for parameter, rate in per_step.items()}
-    default = alone(gas.default_steps_per_contact, params)
+    default = in_fresh_process(gas.default_steps_per_contact, params)
     for i, t in enumerate(trials):  # collisions of discs: as many steps, and the scheme's cost of each
         scheme = t.parameter.split(",")[0]
         trials[i] = replace(t, relative=t.value / default * discs[scheme])
     if params.lists:
-        trials += alone(gas.measure_lists, params)
+        trials += in_fresh_process(gas.measure_lists, params)
         report("skin", "gas of discs")
     return trials + of_gas
 
@@ -137,14 +176,14 @@ def of_shapes(params, report):
     rows = {key: [] for key in wanted}
     for _ in range(params.shape_turns):
         for kind, count in wanted:
-            rows[kind, count].append(alone(outlines.measure_layer, params, kind, count))
+            rows[kind, count].append(in_fresh_process(outlines.measure_layer, params, kind, count))
             report("shapes", f"{kind} {count:g}")
     trials = outlines.trials_of(rows)
     relative = {t.value: t.relative for t in trials if t.parameter == "patches"}
     if params.corners:
-        trials += alone(outlines.measure_parts, params)
+        trials += in_fresh_process(outlines.measure_parts, params)
         report("shapes", "convex parts")
-    moved = alone(outlines.measure_impacts, params)
+    moved = in_fresh_process(outlines.measure_impacts, params)
     return trials + [replace(t, relative=relative.get(t.value, np.nan)) for t in moved if t.value in relative]
 
 
@@ -165,7 +204,7 @@ def physical(params, out, report):
 
 
 def analyse(trials):
-    """Figures of the trials."""
+    """Metrics of the trials."""
     found = curves(trials)
 
     def order(scheme, quantity):
@@ -176,7 +215,7 @@ def analyse(trials):
     verlet, onset = order("velocity_verlet", after), order("onset_verlet", after)
     ours = found["onset_verlet", drift]
     at = int(np.argmin(np.abs(ours.value - 48)))
-    seed = found["symplectic_euler", drift].cost_at(ours.error[at]) / ours.relative[at]
+    of_paper = found["symplectic_euler", drift].cost_at(ours.error[at]) / ours.relative[at]
     metrics = {
         "order_explicit_euler": Metric(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
         "order_symplectic_euler": Metric(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
@@ -184,7 +223,7 @@ def analyse(trials):
         "order_onset_verlet": Metric(onset, "1", "at least 3", onset >= 3.0),
         "order_forest_ruth": Metric(order("forest_ruth", after), "1"),
         "least_drift_explicit_euler": Metric(float(found["explicit_euler", drift].error.min()), "1"),
-        "cost_ratio_seed_scheme": Metric(seed, "1"),
+        "cost_ratio_paper_scheme": Metric(of_paper, "1"),
     }
     patches, clumps = found.get(("patches", "shape error")), found.get(("discs of a clump", "shape error"))
     if patches and clumps and 30 in patches.value and len(clumps.value) > 1:
@@ -205,9 +244,12 @@ def analyse(trials):
 
 
 def run(params, out, progress=None):
-    """Measure everything; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`, returns
-    accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned. Runs of
-    layers that `out` holds already are not made again."""
+    """Measure everything; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`.
+
+    Returns accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned.
+    Runs of layers that `out` holds already are not made again.
+    """
+    check(params)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")

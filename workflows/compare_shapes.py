@@ -6,7 +6,7 @@ its standard error take the replica as the unit.
 
 import time
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,12 +17,13 @@ from workflows.cli import signals
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameters import to_toml
+from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
 from workflows.plots import run_plots
 
 SHAPES = ("sphere", "angular")
 
-# Columns of compare.nc that are figures of a run, by the names that `shear_gouge.analyse` gives them.
+# Columns of compare.nc that are metrics of a run, by the names that `shear_gouge.analyse` gives them.
 COLUMNS = [
     lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
     lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run"),
@@ -41,9 +42,9 @@ COLUMNS = [
         "normal_stress_rms", ("run",), "f64", "1", "rms deviation of the platen's stress from its target, every step"
     ),
     lsm.Variable("layer_thickness", ("run",), "f64", "m", "mean distance of the platens' reference planes"),
-    lsm.Variable("porosity", ("run",), "f64", "1", "mean part of the layer not filled by mobile grains"),
+    lsm.Variable("porosity", ("run",), "f64", "1", "mean share of the layer not filled by mobile grains"),
     lsm.Variable("coordination_number", ("run",), "f64", "1", "mean number of contacts of a mobile grain"),
-    lsm.Variable("sliding_fraction", ("run",), "f64", "1", "mean part of the contacts that slide"),
+    lsm.Variable("sliding_fraction", ("run",), "f64", "1", "mean share of the contacts that slide"),
 ]
 SEED = lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing")
 TEXTS = {
@@ -64,11 +65,14 @@ class Params(shear_gouge.Params):
     """The conditions that both shapes share."""
 
     # No option here, since both shapes are run; the checks made of angular grains are the stricter ones.
-    shape: ClassVar[str] = "angular"
-    target_error: ClassVar[None] = None  # the number of replicas is given
+    shape: ClassVar[str] = "angular"  # pyright: ignore[reportIncompatibleVariableOverride]  as said above
+    target_error: ClassVar[None] = None  # pyright: ignore[reportIncompatibleVariableOverride]  replicas are given
+    breakable: ClassVar[bool] = False  # pyright: ignore[reportIncompatibleVariableOverride]  spheres do not break
+    pieces: ClassVar[int] = 7  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
+    bond_strength: ClassVar[float] = 20.0  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
 
-    replicas: int = Field(3, ge=1, description="runs per shape, with the seeds seed, seed + 1, ... [1]")
-    at_a_time: int = Field(2, ge=1, description="runs at a time, each in a process of its own [1]")
+    replicas: int = Field(3, ge=1, le=1000, description="runs per shape, with the seeds seed, seed + 1, ... [1]")
+    at_a_time: int = Field(2, ge=1, le=1024, description="runs at a time, each in a process of its own [1]")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
@@ -91,19 +95,35 @@ class Params(shear_gouge.Params):
     }
 
     @model_validator(mode="after")
-    def _seeds_fit_their_column(self):
+    def _seeds_fit_their_column(self) -> Self:
         last = self.seed + self.replicas - 1
         if last >= 2**31:
-            raise ValueError(f"--seed {self.seed}: the last seed {last} must be at most {2**31 - 1}")
+            raise ValueError(
+                f"--seed {self.seed}, --replicas {self.replicas}: the last seed {last} must be at most {2**31 - 1}; "
+                "lower the seed"
+            )
         return self
 
 
-def build(params) -> "dict[str, shear_gouge.Params]":
+def check(params: Params) -> None:
+    """Refuse what can be told to fail for one of the shapes, as `shear_gouge.check` does.
+
+    Raises
+    ------
+    InputError
+        With the option, its value, what is allowed and what to do.
+    """
+    for of_run in build(params).values():
+        if of_run.seed == params.seed:  # nothing that is checked depends on the seed
+            shear_gouge.check(of_run)
+
+
+def build(params: Params) -> dict[str, shear_gouge.Params]:
     """Label -> parameters of every run, spheres first; the label is also the name of the run's folder."""
     shared = params.model_dump(include=set(shear_gouge.Params.model_fields))
     seeds = range(params.seed, params.seed + params.replicas)
     return {
-        f"{shape}-{seed}": shear_gouge.Params(**shared | {"shape": shape, "seed": seed})
+        f"{shape}-{seed}": checked(shear_gouge.Params, **shared | {"shape": shape, "seed": seed})
         for shape in SHAPES
         for seed in seeds
     }
@@ -115,11 +135,11 @@ def run(params, out, progress=None):
     Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files hold what is
     there, with the run_status "failed", before SimulationError is raised.
     """
-    out = Path(out)
+    check(params)
+    runs, out = build(params), Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
     began = time.perf_counter()
-    runs = build(params)
     # Angular grains take longer: started first, they do not leave a processor idle at the end.
     jobs = [(label, shear_gouge.__name__, runs[label], out / "runs" / label) for label in reversed(runs)]
     failure, status = None, "complete"
@@ -185,7 +205,7 @@ def estimates(table):
 
 
 def analyse(table):
-    """Figures of the comparison; None where no run gives a value."""
+    """Metrics of the comparison; None where no run gives a value."""
     found, metrics = estimates(table), {}
     for shape in SHAPES:
         mean = found[shape].mean if shape in found else None

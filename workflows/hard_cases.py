@@ -6,9 +6,7 @@ the reason.
 """
 
 import math
-import multiprocessing
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -16,8 +14,9 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.parallel_runs import fresh_processes
 from workflows.common.parameters import Params as BaseParams
-from workflows.common.parameters import to_toml
+from workflows.common.parameters import nearest, to_toml
 from workflows.common.run_table import write_runs
 from workflows.hard import Bench, cases_of, modules
 from workflows.plots.hard_cases import plot_cases
@@ -38,9 +37,11 @@ TEXTS = {
 class Params(BaseParams):
     """Which cases to run and how long."""
 
-    precision: Literal["both", "f64", "f32"] = Field("both", description="floating-point types to run the cases in")
+    precision: Literal["both", "f64", "f32"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]  one more
+        "both", description="floating-point types to run the cases in"
+    )
     runs: Literal["full", "short"] = Field("full", description="full runs, or the same cases with fewer steps")
-    kinds: list[str] = Field([], description="files of workflows/hard to run; none: all of them")
+    kinds: list[str] = Field([], description="kinds of cases, the files of workflows/hard; empty: all of them")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {"runs": "short"},
@@ -48,6 +49,15 @@ class Params(BaseParams):
         "standard": {},
         "reference": {},
     }
+
+
+def check(params: Params) -> None:
+    """Refuse unknown kinds with InputError."""
+    unknown = sorted(set(params.kinds) - set(modules()))
+    if unknown:
+        raise lsm.InputError(
+            f"--kinds {','.join(unknown)}: must be some of {', '.join(modules())}.{nearest(unknown[0], modules())}"
+        )
 
 
 def run_kind(kind, precision, short):
@@ -78,10 +88,9 @@ def margin(value, bound):
 
 def measure(params, progress=None):
     """Rows of all cases in all precisions, by file, two processes at a time."""
-    spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
     precisions = ("f64", "f32") if params.precision == "both" else (params.precision,)
     kinds, rows = params.kinds or modules(), []
-    with ProcessPoolExecutor(2, mp_context=spawn, max_tasks_per_child=1) as pool:
+    with fresh_processes(2) as pool:
         jobs = [(kind, p) for kind in reversed(kinds) for p in precisions]
         waiting = {job: pool.submit(run_kind, *job, params.runs == "short") for job in jobs}
         for (kind, precision), future in waiting.items():
@@ -95,7 +104,7 @@ def measure(params, progress=None):
 
 
 def analyse(rows):
-    """Figures of the rows; cases are counted once, whatever the number of precisions."""
+    """Metrics of the rows; cases are counted once, whatever the number of precisions."""
     names = dict.fromkeys(row["case"] for row in rows)
     states = {name: {STATUS[row["status"]] for row in rows if row["case"] == name} for name in names}
     failed = sum("failed" in s for s in states.values())
@@ -151,9 +160,7 @@ def run(params, out, progress=None):
 
     Raises SimulationError, when all is written, if a case failed.
     """
-    unknown = sorted(set(params.kinds) - set(modules()))
-    if unknown:
-        raise lsm.InputError(f"--kinds {','.join(unknown)}: must be some of {', '.join(modules())}")
+    check(params)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")

@@ -6,9 +6,7 @@ and sheared in the same layer.
 """
 
 import json
-import multiprocessing
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import ClassVar
 
@@ -18,8 +16,10 @@ from pydantic import Field
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.parallel_runs import in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
+from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
 
 COUNTS = (12, 18, 30, 60, 120)  # patches or discs per grain
@@ -41,11 +41,13 @@ class Params(BaseParams):
     """Patches against clumps."""
 
     corner_radius: float = Field(0.05, ge=0.02, le=0.25, description="of the polygons [equivalent diameters]")
-    most_sheared: int = Field(60, ge=12, description="patches or discs per grain up to which layers are sheared [1]")
-    layer_thickness: float = Field(12.0, ge=8, description="thickness of the layer [mean diameters]")
-    length: float = Field(14.0, ge=6, description="periodic length along the shear [mean diameters]")
-    inertial_number: float = Field(5e-3, gt=0, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
-    strain: float = Field(3.0, gt=0, description="shear strain to reach [1]")
+    most_sheared: int = Field(
+        60, ge=12, le=COUNTS[-1], description="patches or discs per grain up to which layers are sheared [1]"
+    )
+    layer_thickness: float = Field(12.0, ge=8, le=1e4, description="thickness of the layer [mean diameters]")
+    length: float = Field(14.0, ge=6, le=1e5, description="periodic length along the shear [mean diameters]")
+    inertial_number: float = Field(5e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    strain: float = Field(3.0, gt=0, le=1e4, description="shear strain to reach [1]")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {"most_sheared": 12, "layer_thickness": 8.0, "length": 8.0, "strain": 1.2, "inertial_number": 1e-2},
@@ -53,6 +55,34 @@ class Params(BaseParams):
         "standard": {},
         "reference": {"most_sheared": 120, "length": 30.0, "strain": 5.0, "inertial_number": 1e-3},
     }
+
+
+def check(params: Params) -> None:
+    """Refuse what no layer can be made of.
+
+    Raises
+    ------
+    InputError
+        With the option, its value, what is allowed and what to do.
+    """
+    shear_gouge.check(layer_params(params))
+
+
+def layer_params(params: Params) -> shear_gouge.Params:
+    """Parameters of the sheared layers, whose shapes are replaced afterwards."""
+    return checked(
+        shear_gouge.Params,
+        shape="angular",
+        seed=params.seed,
+        corner_radius=params.corner_radius,
+        layer_thickness=params.layer_thickness,
+        length=params.length,
+        inertial_number=params.inertial_number,
+        strain=params.strain,
+        arch=params.arch,
+        precision=params.precision,
+        threads=params.threads,
+    )
 
 
 def polygons(params):
@@ -120,18 +150,7 @@ def shapes_of(params, kind, elements):
 def shear(params, kind, elements, out):
     """Friction and cost of one layer, measured in the calling process: (mean, standard error, seconds per step)."""
     shapes, *_ = shapes_of(params, kind, elements)
-    of_run = shear_gouge.Params(
-        shape="angular",
-        seed=params.seed,
-        corner_radius=params.corner_radius,
-        layer_thickness=params.layer_thickness,
-        length=params.length,
-        inertial_number=params.inertial_number,
-        strain=params.strain,
-        arch=params.arch,
-        precision=params.precision,
-        threads=params.threads,
-    )
+    of_run = layer_params(params)
     scene = shear_gouge.build(of_run)
     mobile = scene.platen_index < 0
     scene.shapes = [scene.shapes[0], *shapes]
@@ -151,24 +170,22 @@ def rate_of(out):
 def measure(params, out, progress=None):
     """Rows of the table, one per kind and number of elements. Layers run one after the other: they are timed."""
     rows = []
-    spawn = multiprocessing.get_context("spawn")  # Taichi is started once per process
-    with ProcessPoolExecutor(1, mp_context=spawn, max_tasks_per_child=1) as pool:
-        for kind in ("patches", "clump"):
-            for elements in COUNTS:
-                _, error, roughness = shapes_of(params, kind, elements)
-                row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
-                values = (np.nan, np.nan, np.nan)
-                if elements <= params.most_sheared:
-                    values = pool.submit(shear, params, kind, elements, out / "runs" / f"{kind}-{elements}").result()
-                row |= dict(zip(("friction_mean", "friction_se", "cost"), values, strict=True))
-                rows.append(row)
-                if progress:
-                    progress({"label": f"{kind}-{elements}", "state": f"shape error {error:.2e}"})
+    for kind in ("patches", "clump"):
+        for elements in COUNTS:
+            _, error, roughness = shapes_of(params, kind, elements)
+            row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
+            values = (np.nan, np.nan, np.nan)
+            if elements <= params.most_sheared:
+                values = in_fresh_process(shear, params, kind, elements, out / "runs" / f"{kind}-{elements}")
+            row |= dict(zip(("friction_mean", "friction_se", "cost"), values, strict=True))
+            rows.append(row)
+            if progress:
+                progress({"label": f"{kind}-{elements}", "state": f"shape error {error:.2e}"})
     return rows
 
 
 def analyse(rows):
-    """Figures: errors at 30 elements, and what a clump of the same error as 30 patches would cost."""
+    """Metrics: errors at 30 elements, and what a clump of the same error as 30 patches would cost."""
 
     def column(kind, name):
         return np.array([r[name] for r in rows if r["kind"] == kind])
@@ -196,6 +213,7 @@ def analyse(rows):
 
 def run(params, out, progress=None):
     """Run everything; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc."""
+    check(params)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Integrators, time steps and laws, by single collisions with a closed form and by a rack of ten discs."""
+"""Integrators, time steps and force laws, by single collisions with a closed form and by a rack of ten discs."""
 
 import numpy as np
 
@@ -32,10 +32,10 @@ def hertz():
     return [lsm.Hertz(youngs_modulus=2.0 * (1.0 - 0.3**2) * modulus, poissons_ratio=0.3)]
 
 
-LAWS = {"linear": linear, "hertz": hertz}
+FORCE_LAWS = {"linear": linear, "hertz": hertz}
 
 
-def pairs(scheme, effect, per_contact, count, seed):
+def pairs(scheme, law, per_contact, count, seed):
     """`count` pairs of discs about to collide head on, each with another phase of the step at the first touch."""
     dt = DURATION / per_contact
     gap = SPEED * dt * (3.0 + np.random.default_rng(seed).uniform(0.0, 1.0, count))
@@ -43,16 +43,16 @@ def pairs(scheme, effect, per_contact, count, seed):
     position = np.stack([np.stack([0.0 * y, y], axis=1), np.stack([1.0 + gap, y], axis=1)], axis=1).reshape(-1, 2)
     velocity = np.tile([(0.5 * SPEED, 0.0), (-0.5 * SPEED, 0.0)], (count, 1))
     more = {"dt": dt, "integrator": getattr(lsm, CLASSES[scheme]), "guards": lsm.Guards(energy=None, step=None)}
-    return scene_of(position, LAWS[effect](), velocity=velocity, **more), gap
+    return scene_of(position, FORCE_LAWS[law](), velocity=velocity, **more), gap
 
 
-def errors_of_pairs(sims, scheme, effect, per_contact, count, seed):
+def errors_of_pairs(sims, scheme, law, per_contact, count, seed):
     """(greatest error of the energy of all pairs together during the collision, relative; rms over the phases of its
     error after it; rms of the error of the distance, over what the grains fly in one contact)."""
-    scene, gap = pairs(scheme, effect, per_contact, count, seed)
-    sim = loaded(sims, (scheme, effect), scene)
+    scene, gap = pairs(scheme, law, per_contact, count, seed)
+    sim = loaded(sims, (scheme, law), scene)
     start, during = lsm.energies(sim).balance, 0.0
-    for _ in range(int(per_contact + 14) // 3 + 1):  # whole steps of the composed scheme
+    for _ in range(int(per_contact + 14) // 3 + 1):  # whole steps of Forest-Ruth
         sim.run(3)
         during = max(during, abs(lsm.energies(sim).balance / start - 1.0))
     x, v = sim.state.position.to_numpy()[:, 0], sim.state.velocity.to_numpy()[:, 0]
@@ -91,17 +91,17 @@ def places_of_rack(sims, scheme, per_contact, turn):
     return sim.state.position.to_numpy()
 
 
-def measure_collisions(params, effect):
-    """Trials of single collisions with this law, without costs: schemes by steps per contact."""
-    schemes = SCHEMES if effect == "linear" else ("symplectic_euler", "velocity_verlet", "onset_verlet")
+def measure_collisions(params, law):
+    """Trials of single collisions with this force law, without costs: schemes by steps per contact."""
+    schemes = SCHEMES if law == "linear" else ("symplectic_euler", "velocity_verlet", "onset_verlet")
     sims, trials = {}, []
     # contacts that last whole steps end at the phase at which they began, and errors cancel
-    parts = (np.arange(params.replicas) + 0.5) / params.replicas - 0.5
+    fractions = (np.arange(params.replicas) + 0.5) / params.replicas - 0.5
     for scheme in schemes:
-        parameter = scheme if effect == "linear" else f"{scheme}, Hertz"
+        parameter = scheme if law == "linear" else f"{scheme}, Hertz"
         for n in LEVELS:
-            for replica, part in enumerate(parts):
-                found = errors_of_pairs(sims, scheme, effect, n + part, params.phases, params.seed + replica)
+            for replica, fraction in enumerate(fractions):
+                found = errors_of_pairs(sims, scheme, law, n + fraction, params.phases, params.seed + replica)
                 for quantity, error in zip(OF_PAIRS, found):
                     trials.append(
                         Trial(parameter, f"{n} steps per contact", n, quantity, replica, error, np.nan, np.nan)

@@ -48,8 +48,10 @@ class Curve:
         return bool(np.nanmax(self.error - se) > np.nanmin(self.error + se))
 
     def cost_at(self, error):
-        """Relative cost at which the fitted line reaches the error."""
-        known = np.isfinite(self.error) & (self.error > 0.0)
+        """Relative cost at which the fitted line reaches the error; nan for fewer than two points with an error."""
+        known = np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
+        if known.sum() < 2:
+            return math.nan
         q, offset = np.polyfit(np.log(self.relative[known]), np.log(self.error[known]), 1)
         return float(np.exp((np.log(error) - offset) / q)) if q < 0.0 else math.inf
 

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from workflows import shear_gouge
 from workflows.accuracy import Trial
 from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameters import to_toml
+from workflows.common.refusals import checked
 from workflows.shape_roughness import rate_of
 
 LAYER = {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}  # whose settings are changed one at a time
@@ -25,9 +27,9 @@ WINDOWS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # strains over which friction is aver
 QUANTITIES = ("friction", "dilation", "coordination", "stress fluctuation")
 
 
-def layer(params, shape, seed, **changes):
+def layer(params: Any, shape: str, seed: int, **changes: float) -> shear_gouge.Params:
     """Parameters of one run."""
-    return shear_gouge.Params(**LAYER | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
+    return checked(shear_gouge.Params, **LAYER | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
 
 
 def jobs_of(params, shape, parameters, out):

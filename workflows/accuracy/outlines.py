@@ -77,7 +77,7 @@ def trials_of(rows):
 def impact(shapes, pair, angles):
     """Two grains, of the rows `pair` of `shapes`, turned by `angles` [rad], that meet off their axis."""
     velocity = 0.5 * SPEED * np.array([(1.0, 0.0), (-1.0, 0.0)])
-    more = {"shapes": shapes, "shape": pair, "angle": angles, "velocity": velocity, "safety": 0.1}
+    more = {"shapes": shapes, "shape_index": pair, "angle": angles, "velocity": velocity, "safety": 0.1}
     return scene_of([(0.0, 0.0), (1.3, 0.25)], [lsm.LinearElastic(STIFFNESS)], **more)
 
 

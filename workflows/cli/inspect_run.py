@@ -6,24 +6,25 @@ import json
 from pathlib import Path
 from types import ModuleType
 
+from taichi_lsm.core.errors import InputError
 from workflows.common.metrics import FILE, print_summary
 from workflows.common.parameters import nearest
 
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
 
-class NoRunError(ValueError):
+class NoRunError(InputError):
     """The folder is missing, or holds no file of a run."""
 
 
-def first_line(thing) -> str:
+def first_line(thing: object) -> str:
     """The first line of a docstring, "" without one."""
     lines = (inspect.getdoc(thing) or "").strip().splitlines()
     return lines[0] if lines else ""
 
 
 def print_list(workflows: dict[str, ModuleType]) -> int:
-    """Print every workflow and every force law with its first docstring line."""
+    """Print every workflow and every effect with its first docstring line."""
     from taichi_lsm.effects import find_effects  # here, since it imports Taichi
 
     for title, found in (("Workflows", workflows), ("Effects", find_effects())):
@@ -35,7 +36,7 @@ def print_list(workflows: dict[str, ModuleType]) -> int:
 
 
 def print_effects() -> int:
-    """Print every force law: equation, parameters with units, what it remembers, and what it was measured to cost."""
+    """Print every effect: equation, parameters with units, what it remembers, and what it was measured to cost."""
     import taichi_lsm as lsm
 
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
@@ -64,7 +65,7 @@ def print_effects() -> int:
 
 
 def print_info(folder: Path) -> int:
-    """Print status and attributes of a run, its figures, and its files with their dimensions."""
+    """Print status and attributes of a run, its metrics, and its files with their dimensions."""
     if not folder.is_dir():
         siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
         raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Group, Parameter, UnknownCommandError, UnusedCliTokensError
 
+from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
@@ -19,6 +20,7 @@ from workflows.common.parameter_types import allowed, choices, kind, limits, met
 from workflows.common.parameters import DEFAULT_PRESET, Params, SettingsError, merge, nearest, option_name
 
 COMPLETE, FAILED, BAD_INPUT = 0, 1, 2
+CLOSED_PIPE = 128 + 13  # as of SIGPIPE
 
 # cyclopts itself has groups called Commands, Parameters and Arguments; the names must differ from those.
 PHYSICS = Group("Experiment", sort_key=1)
@@ -28,10 +30,22 @@ RESERVED = ("out", "config", "preset", "quiet", "overwrite")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit code: 0 complete, 1 failed, 2 bad input, 128 + n on signal n."""
+    """Run a command.
+
+    Returns
+    -------
+    int
+        Exit code: 0 complete, 1 failed, 2 bad input, 128 + n on signal n; a closed pipe counts as its signal.
+    """
     previous = signals.install()
     try:
-        return _main(list(sys.argv[1:] if argv is None else argv))
+        code = _main(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()  # here, where a closed pipe is caught, and not at the end of the process
+        return code
+    except BrokenPipeError:
+        # What is left in the buffer would fail once more when the interpreter ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CLOSED_PIPE
     except signals.Interrupted as interrupted:
         _complain([f"{interrupted}."])
         return 128 + interrupted.signum
@@ -57,10 +71,11 @@ def _main(argv: list[str]) -> int:
 def _parse_problem(error: CycloptsError) -> str:
     """One line for a mistake in the command line itself (an unknown option, a missing value)."""
     if isinstance(error, UnknownCommandError):
-        token, names = error.unused_tokens[0], [n for n in error.app if n != "-h"]
+        token = (error.unused_tokens or [""])[0]
+        names = [n for n in error.app or () if n != "-h"]
         return f"{token}: unknown command, must be one of {', '.join(names)}.{nearest(token, names)}"
     if isinstance(error, UnusedCliTokensError):
-        return f"{' '.join(error.unused_tokens)}: unexpected; every value follows its option."
+        return f"{' '.join(error.unused_tokens or ())}: unexpected; every value follows its option."
     error.verbose = False  # or the text names our functions and their files
     return str(error)
 
@@ -107,14 +122,14 @@ def build_app(found: dict[str, ModuleType]) -> App:
     def list_names(
         *,
         effects: Annotated[
-            bool, Parameter(name="--effects", help="equation, parameters and cost of every law", negative=())
+            bool, Parameter(name="--effects", help="equation, parameters and cost of every effect", negative=())
         ] = False,
     ) -> int:
-        """List the workflows and the force laws."""
+        """List the workflows and the effects."""
         return inspect_run.print_effects() if effects else inspect_run.print_list(found)
 
     def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
-        """Show what a folder holds: status, figures, files."""
+        """Show what a folder holds: status, metrics, files."""
         try:
             return inspect_run.print_info(folder)
         except inspect_run.NoRunError as error:
@@ -214,14 +229,15 @@ def execute(
     overwrite: bool = False,
 ) -> int:
     """Check everything, then run a workflow; returns the exit code."""
-    from taichi_lsm.core.errors import InputError, SimulationError
-
     folder = Path("out") / name if out is None else Path(out)
     problems, params = refusals(folder, overwrite), None
+    check = getattr(module, "check", None)
     try:
         params = merge(module.Params, preset, config, options)
-    except SettingsError as error:
-        problems = error.problems + problems
+        if check:
+            check(params)
+    except InputError as error:
+        problems = _problems_of(error) + problems
     if problems:
         return _complain(problems)
     made = [p for p in (folder, *folder.parents) if not p.exists()]
@@ -231,11 +247,27 @@ def execute(
             module.run(params, out=folder, progress=None if quiet else progress)
         except InputError as error:
             _remove_empty(made)
-            return _complain([str(error)])
-        except SimulationError as error:
-            _complain([str(error)])
+            return _complain(_problems_of(error))
+        except (SimulationError, MemoryError, OSError) as error:
+            if isinstance(error, BrokenPipeError):  # who read the output has left: `main` ends quietly
+                raise
+            _complain([_failure_of(error)])
             return FAILED
     return COMPLETE
+
+
+def _problems_of(error: InputError) -> list[str]:
+    """One line for each mistake of the user."""
+    return error.problems if isinstance(error, SettingsError) else [str(error)]
+
+
+def _failure_of(error: Exception) -> str:
+    """Why a run could not be completed, as one message."""
+    if isinstance(error, MemoryError):
+        return f"not enough memory for a run of this size: {error or 'the system gave no more'}."
+    if isinstance(error, OSError):
+        return f"a file could not be read or written: {error}."
+    return str(error)
 
 
 def refusals(folder: Path, overwrite: bool) -> list[str]:

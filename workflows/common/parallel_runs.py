@@ -13,22 +13,27 @@ import tempfile
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
-from taichi_lsm.core.errors import SimulationError
+from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import discovery, signals
 from workflows.cli.progress import as_dict
 
 SEND_EVERY_S = 0.2
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 LOG_LINES = 20
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 Job = tuple[str, str, Any, str | os.PathLike]
 
@@ -53,6 +58,7 @@ class _Running:
     log: Path
     report: dict
     failure: str | None = None
+    refused: bool = False
 
 
 def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Callable[[dict], None] | None = None) -> list[Path]:
@@ -62,13 +68,14 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Callable[[di
     progress: receives each child's reports as a dict, with its label and, at the start and end, its state
     (started | done | failed); None is silent, and so are the children.
     A failing run does not stop the others. Raises ReplicaError when all have ended; Interrupted after the
-    signal was passed on and the children have flushed their files and ended; ValueError for equal labels.
+    signal was passed on and the children have flushed their files and ended; InputError if all that failed was
+    refused as bad input; ValueError for equal labels.
     """
     labels = [job[0] for job in jobs]
     if len(set(labels)) < len(labels) or at_a_time < 1:
         raise ValueError(f"run_replicas: labels {labels} must differ, at_a_time {at_a_time} must be >= 1")
     show = progress or (lambda report: None)
-    waiting, running, failures = deque(jobs), [], {}
+    waiting, running, failures, refused = deque(jobs), [], {}, set()
     with tempfile.TemporaryDirectory(prefix="lsm-") as logs:
         try:
             while waiting or running:
@@ -76,13 +83,38 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Callable[[di
                     job = waiting.popleft()
                     _start(job, Path(logs) / f"{len(waiting)}.log", progress is not None, running)
                     show({"label": job[0], "state": "started"})
-                running = _attend(running, show, failures)
+                running = _attend(running, show, failures, refused)
         except BaseException as error:
             _stop(running, error.signum if isinstance(error, signals.Interrupted) else signal.SIGTERM)
             raise
+    if failures and refused == set(failures):
+        raise InputError("\n".join(dict.fromkeys(failures.values())))
     if failures:
         raise ReplicaError({label: failures[label] for label in labels if label in failures})
     return [Path(job[3]) for job in jobs]
+
+
+@contextmanager
+def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
+    """A pool of `count` processes with a fresh one for every call: Taichi is started once per process.
+
+    Raises
+    ------
+    SimulationError
+        If a process was killed.
+    """
+    spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
+    try:
+        with ProcessPoolExecutor(count, mp_context=spawn, max_tasks_per_child=1) as pool:
+            yield pool
+    except BrokenProcessPool as error:
+        raise SimulationError("a process of the run was killed, perhaps for want of memory") from error
+
+
+def in_fresh_process(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
+    """What a function returns in a process of its own, beside which this one only waits."""
+    with fresh_processes(1) as pool:
+        return pool.submit(function, *arguments, **options).result()
 
 
 def _start(job: Job, log: Path, reports: bool, running: list[_Running]) -> None:
@@ -102,7 +134,9 @@ def _start(job: Job, log: Path, reports: bool, running: list[_Running]) -> None:
     theirs.close()
 
 
-def _attend(running: list[_Running], show: Callable[[dict], None], failures: dict[str, str]) -> list[_Running]:
+def _attend(
+    running: list[_Running], show: Callable[[dict], None], failures: dict[str, str], refused: set[str]
+) -> list[_Running]:
     """Wait for something to happen, pass reports on, note failures; returns the runs still going."""
     wait([r.pipe for r in running] + [r.process.sentinel for r in running])
     still = []
@@ -117,6 +151,7 @@ def _attend(running: list[_Running], show: Callable[[dict], None], failures: dic
             run.failure = _how_it_ended(run)
         if run.failure is not None:
             failures[run.label] = run.failure
+            refused |= {run.label} if run.refused else set()
         show(run.report | {"state": "failed" if run.failure else "done"})
         run.pipe.close()
     return still
@@ -130,7 +165,7 @@ def _drain(run: _Running, show: Callable[[dict], None]) -> None:
                 run.report = content | {"label": run.label}
                 show(run.report)
             else:
-                run.failure = content
+                run.failure, run.refused = content, kind == "refused"
     except (EOFError, OSError):
         time.sleep(0.01)  # its end of the pipe is closed: it is about to end, and `wait` would return at once
 
@@ -210,6 +245,10 @@ def _child(label: str, payload: bytes, pipe: Connection, log: str) -> None:
         code = 0
     except signals.Interrupted as interrupted:
         code = 128 + interrupted.signum
+    except InputError as error:
+        _send(pipe, "refused", str(error))
+    except SimulationError as error:
+        _send(pipe, "failure", str(error))
     except BaseException:
         _send(pipe, "failure", traceback.format_exc())
     finally:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal
 import pydantic
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
+from taichi_lsm.core.errors import InputError
 from workflows.common.parameter_types import accepts, allowed, choices, kind, split_list
 from workflows.common.toml_writer import to_toml
 
@@ -39,12 +40,15 @@ EXPLAINED = (
 )
 
 
-class SettingsError(ValueError):
+class SettingsError(InputError):
     """One or more mistakes in the parameters. `problems` holds one message for each."""
 
     def __init__(self, problems: list[str]):
         super().__init__("\n".join(problems))
         self.problems = list(problems)
+
+    def __reduce__(self) -> tuple:
+        return SettingsError, (self.problems,)
 
 
 class Params(pydantic.BaseModel):
@@ -54,10 +58,10 @@ class Params(pydantic.BaseModel):
 
     presets: ClassVar[dict[str, dict]] = {"smoke": {}, "demo": {}, "standard": {}, "reference": {}}
 
-    seed: int = Field(1, ge=0, description="seed of every random number")
+    seed: int = Field(1, ge=0, le=2**31 - 1, description="seed of every random number")
     precision: Literal["f64", "f32"] = Field("f64", description="floating-point type of contacts and forces")
     arch: Literal["cpu", "gpu"] = Field("cpu", description="device that the kernels run on")
-    threads: int = Field(1, ge=1, description="CPU threads; the results do not depend on it")
+    threads: int = Field(1, ge=1, le=1024, description="CPU threads; the results do not depend on it")
 
     @cached_property
     def preset_name(self) -> str | None:

@@ -16,8 +16,19 @@ MOST_SEEDS = 32
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run: `seeds` runs to the strain `strain`; expected_error: half-width of the 95 % interval of the mean
-    friction; expected_seconds: on one core for each of two runs at a time."""
+    """What is run.
+
+    Attributes
+    ----------
+    step_safety
+        Time step over the largest stable one [1].
+    strain, seeds
+        Strain of each run [1], number of runs.
+    expected_error
+        Half-width of the 95 % interval of the mean friction [1].
+    expected_seconds
+        Time on one core for each of two runs at a time [s].
+    """
 
     step_safety: float
     strain: float
@@ -64,9 +75,10 @@ def plan(params, target_error):
     """The cheapest Plan whose 95 % half-width is at most `target_error` [1]; InputError if none of them is."""
     row = table_of(params.shape, params.dim)
     plans = []
+    long_enough = STRAINS[params.least_steady <= STRAINS]
     for step in row["bias_of_step"]:
         for seeds in range(1, MOST_SEEDS + 1):
-            enough = (s for s in STRAINS if half_width(row, params, s, seeds, step) <= target_error)
+            enough = (s for s in long_enough if half_width(row, params, s, seeds, step) <= target_error)
             steady = next(enough, None)
             if steady is not None:
                 error = half_width(row, params, steady, seeds, step)
@@ -97,5 +109,5 @@ def reached(row, params, means, errors, step):
     """
     count = len(means)
     within = float(np.mean(np.square(errors))) + row["between_seeds"] * row["area"] / area_of(params)
-    make_contact = float(np.var(means, ddof=1)) if count > 2 else 0.0
-    return float(CAUTION * NORMAL * np.sqrt(max(within, make_contact) / count) + row["bias_of_step"][step])
+    seen = float(np.var(means, ddof=1)) if count > 2 else 0.0
+    return float(CAUTION * NORMAL * np.sqrt(max(within, seen) / count) + row["bias_of_step"][step])

@@ -9,6 +9,7 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameters import to_toml
+from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
 from workflows.gouge import target_error
 
@@ -23,13 +24,13 @@ def runs_of(params, plan):
     """{label: parameters} of the runs of a plan."""
     changes = {"target_error": None, "strain": plan.strain, "step_safety": plan.step_safety}
     seeds = range(params.seed, params.seed + plan.seeds)
-    return {f"seed-{s}": type(params)(**params.model_dump() | changes | {"seed": s}) for s in seeds}
+    return {f"seed-{s}": checked(type(params), **params.model_dump() | changes | {"seed": s}) for s in seeds}
 
 
 def run_to_target(params, out, progress, workflow, analyse):
     """Plan and make the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
 
-    workflow: name of the module that makes the runs; analyse(dataset, params) -> figures of one of them.
+    workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them.
     """
     out = Path(out)
     row = target_error.table_of(params.shape, params.dim)

@@ -1,0 +1,53 @@
+"""Refusals of what a user gave, in the words of the options that gave it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+import pydantic
+
+from taichi_lsm.core.errors import InputError
+from workflows.common.parameters import Params
+
+OfOneWorkflow = TypeVar("OfOneWorkflow", bound=Params)
+
+
+def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflow:
+    """Parameters of a workflow that another workflow derives from its own.
+
+    Raises
+    ------
+    InputError
+        With every reason why the values are refused, as pydantic's own error is not meant for a user.
+    """
+    try:
+        return params_class.model_validate(values)
+    except pydantic.ValidationError as error:
+        reasons = []
+        for item in error.errors(include_url=False):
+            reason = str(item.get("ctx", {}).get("error", "")) or item["msg"]
+            name = ".".join(map(str, item["loc"]))
+            reasons.append(f"{name} {item['input']!r}: {reason}" if name else reason)
+        raise InputError("; ".join(reasons)) from error
+
+
+@contextmanager
+def in_terms_of(options: str, remedy: str) -> Iterator[None]:
+    """Within this block, what the library refuses is told as a mistake in `options`.
+
+    Parameters
+    ----------
+    options
+        The options that gave the values, each with its value: "--length 6, --corner-radius 0.2".
+    remedy
+        What to change, as the end of the sentence.
+
+    Raises
+    ------
+    InputError
+        In place of every ValueError (also InputError) and TypeError.
+    """
+    try:
+        yield
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{options}: refused, as {str(error).rstrip('.')}; {remedy}") from error

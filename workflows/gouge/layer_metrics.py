@@ -1,0 +1,62 @@
+"""Metrics of the steady state of a sheared layer, with what is claimed of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows.common.metrics import Metric
+from workflows.gouge.parameters import Params
+
+if TYPE_CHECKING:
+    import xarray
+
+BOUNDS = {  # what is claimed of the metrics of a run, as absolute values
+    "platen_bulk_difference": 0.02,
+    "energy_residual": 0.01,
+    "normal_stress_error": 0.005,
+    "normal_stress_rms": 0.05,
+}
+
+
+def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
+    """Metrics of the steady state, as `docs/conventions.md` defines them.
+
+    Parameters
+    ----------
+    dataset
+        The file run.nc of a run.
+    params
+        Of that run.
+    """
+    sheared = dataset.isel(time=dataset.stage.values == 2)
+    steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
+    friction = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
+    platen = lsm.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
+    residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max() / sheared.work_throughput[-1]
+    normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
+    rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
+    apart = abs(platen.mean / friction.mean - 1.0)
+    metrics = {
+        "friction_mean": Metric(friction.mean, "1"),
+        "friction_se": Metric(friction.standard_error, "1"),
+        "friction_ess": Metric(friction.effective_samples, "1"),
+        "platen_friction_mean": Metric(platen.mean, "1"),
+        "platen_bulk_difference": Metric(apart, "1"),
+        "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
+        "stiffness_number": Metric(params.stiffness_number, "1"),
+        "energy_residual": Metric(float(residual), "1"),
+        "normal_stress_error": Metric(normal, "1"),
+        "normal_stress_rms": Metric(rms, "1"),
+        "layer_thickness": Metric(float(steady.layer_thickness.mean()), "m"),
+        "porosity": Metric(float(steady.porosity.mean()), "1"),
+        "coordination_number": Metric(float(steady.coordination_number.mean()), "1"),
+        "sliding_fraction": Metric(float(steady.sliding_fraction.mean()), "1"),
+        "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
+    }
+    for name, bound in BOUNDS.items():
+        value = float(metrics[name].value or 0.0)
+        metrics[name] = Metric(value, "1", bound, abs(value) < bound)
+    return metrics

@@ -1,0 +1,186 @@
+"""The scene of a layer of gouge before consolidation: bottom platen, loose grains, top platen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import taichi_lsm as lsm
+from workflows.common.refusals import in_terms_of
+from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, loose_grains
+from workflows.gouge.parameters import MOST_GRAINS, Params
+
+if TYPE_CHECKING:
+    from taichi_lsm.effects import Effect
+
+PACKED = {2: 0.80, 3: 0.59}  # filled share of a consolidated layer, to choose the number of grains
+BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
+BOND_POISSON = 0.25
+BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
+LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
+LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
+MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
+
+
+def check(params: Params) -> None:
+    """Refuse what can be told to fail without making any grain.
+
+    Raises
+    ------
+    InputError
+        For more grains than a process can hold, a cell in which a grain would meet its own image, or wrong effects.
+    """
+    p = params
+    _check_count(p)
+    least_cell(p, p.platen_diameter * p.largest_diameter, "grains of the platens")
+    least_cell(p, p.largest_diameter, "grains")
+    effects_of(p)
+
+
+def mobile_count(params: Params) -> int:
+    """Number of mobile grains: as given, or so many that the consolidated layer has its thickness."""
+    thickness, lengths = params.layer
+    one = lsm.disc() if params.dim == 2 else lsm.sphere()
+    filled = PACKED[params.dim] * thickness * float(np.prod(lengths))
+    return params.grains or round(filled / (one.measure * params.diameter**params.dim))
+
+
+def _check_count(p: Params) -> None:
+    """Refuse layers of more grains, mobile and glued, than a process can hold."""
+    least = p.platen_diameter * p.smallest_diameter
+    # In 3D the columns of a platen lie closer where sizes differ much: see rough_platen.
+    pitch = least if p.dim == 2 else min(least, 0.9 * p.platen_diameter * p.diameter)
+    glued = 2.0 * float(np.prod([length / pitch + 1.0 for length in p.layer[1]]))
+    mobile = mobile_count(p) * (p.pieces if p.breakable else 1)
+    if mobile + glued > MOST_GRAINS:
+        thickness, lengths = p.layer
+        raise lsm.InputError(
+            f"--layer-thickness {thickness / p.diameter:g}, --length {lengths[0] / p.diameter:g}: the layer has "
+            f"{mobile + glued:.3g} grains, {glued:.3g} of them in the platens, must be <= {MOST_GRAINS:g}; make it "
+            f"smaller, or its sizes from --smallest-diameter {p.smallest_diameter:g} m to --largest-diameter "
+            f"{p.largest_diameter:g} m more equal"
+        )
+
+
+def build(params: Params) -> lsm.Scene:
+    """The scene before consolidation: bottom platen, loose grains, top platen.
+
+    Raises
+    ------
+    InputError
+        If the parameters give no such layer; the message names options.
+    """
+    p, d, dim = params, params.diameter, params.dim
+    check(p)
+    rng = np.random.default_rng(p.seed)
+    thickness, lengths = p.layer
+    area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
+    one = lsm.disc() if dim == 2 else lsm.sphere()
+    make = breakable_grains if p.breakable else loose_grains
+    shapes, shape_index, loose, sizes, angles, top, bonds = make(p, rng, mobile_count(p), lengths, [one])
+
+    smallest, largest = p.platen_diameter * p.smallest_diameter, p.platen_diameter * p.largest_diameter
+    platens = [lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2)]
+    (low, low_size), (high, high_size) = platens
+    low[:, 1] -= (low[:, 1] + 0.5 * low_size).max()
+    high[:, 1] += top - (high[:, 1] - 0.5 * high_size).min()
+    position = np.concatenate([loose, low, high])
+    glued = np.repeat([0, 1], [len(low), len(high)])
+
+    unit_mass = p.density * one.measure * (d if dim == 2 else 1.0)
+    layer_mass, glued_mass = unit_mass * (sizes**dim).sum(), unit_mass * (high_size**dim).sum()
+    servo = lsm.ServoStress(
+        stress=p.normal_stress,
+        outward=1,
+        stiffness=p.stiffness * float(np.prod(lengths)) / d ** (dim - 2) / thickness,
+        inertia=max(glued_mass, LEAST_INERTIA * layer_mass),
+        speed_limit=LARGEST_SPEED * d / p.inertial_time,
+    )
+    still = [lsm.Fixed()] * (dim - 2)
+    with in_terms_of(f"--length {lengths[0] / d:g} and the grains in it", "make the layer longer or change the grains"):
+        scene = lsm.Scene(
+            dim=dim,
+            lengths=(lengths[0], np.inf, *lengths[1:]),
+            periodic=(True, False, True)[:dim],
+            shapes=shapes,
+            shape_index=np.concatenate([shape_index, np.zeros(len(glued), int)]),
+            position=position,
+            diameter=np.concatenate([sizes, low_size, high_size]),
+            **initial_orientations(angles, len(glued)),
+            density=p.density,
+            platen_index=np.concatenate([np.full(len(sizes), -1), glued]),
+            platens=[
+                lsm.Platen("bottom", [lsm.Fixed()] * dim),
+                lsm.Platen("top", [shear_drive(p, 0.0, servo.inertia), servo, *still]),
+            ],
+            effects=effects_of(p),
+            bonds=bonds,
+            thickness=d,
+            area=area,
+            safety=p.step_safety,
+        )
+    _check_steps(scene, p, servo.inertia)
+    return scene
+
+
+def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
+    """Refuse runs without end, and a spring of the load point that is too stiff for the step."""
+    dt = scene.chosen_dt()
+    steps = p.strain * p.inertial_time / (p.inertial_number * dt)
+    if not steps <= MOST_STEPS:
+        raise lsm.InputError(
+            f"--strain {p.strain:g}, --inertial-number {p.inertial_number:g}: the run would have {steps:.2g} steps of "
+            f"{dt:.2g} s, must be <= {MOST_STEPS:g}; lower --strain or --stiffness-number {p.stiffness_number:g}, or "
+            f"raise --inertial-number or --step-safety {p.step_safety:g}"
+        )
+    if p.load_stiffness and p.load_stiffness > inertia / dt**2:
+        raise lsm.InputError(
+            f"--load-stiffness {p.load_stiffness:g} N/m: must be <= {inertia / dt**2:g} N/m, for the top platen to be "
+            f"resolved by steps of {dt:.2g} s; lower it, or --step-safety {p.step_safety:g}"
+        )
+
+
+def effects_of(params: Params) -> list[Effect]:
+    """Effects of the contacts: elastic, damped, frictional; a given effect takes the place of one of its kind."""
+    p = params
+    usual = [
+        lsm.LinearElastic(p.stiffness),
+        lsm.ViscousDamping(restitution=p.restitution),
+        lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
+    ]
+    with in_terms_of("effects", "lsm list --effects shows what there is"):
+        given = lsm.make_effects(p.effects)
+    taken = {effect.role or effect.phase for effect in given}
+    usual += [_bond(p)] if p.breakable else []
+    return [effect for effect in usual if (effect.role or effect.phase) not in taken] + given
+
+
+def _bond(p: Params) -> lsm.ElasticBrittleBond:
+    """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
+    return lsm.ElasticBrittleBond(
+        youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
+        poissons_ratio=BOND_POISSON,
+        cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),
+        friction_angle=BOND_ANGLE,
+        radius_ratio=BOND_WIDTH,
+    )
+
+
+def shear_drive(params: Params, velocity: float, inertia: float) -> lsm.SpringLoadPoint | lsm.ConstantVelocity:
+    """The drive of the top platen along the shear.
+
+    Parameters
+    ----------
+    params
+        Of the run: with a load stiffness the drive is a load point with its spring, else the platen is brought up to
+        speed over one inertial time.
+    velocity
+        Of the load point or the platen [m s-1].
+    inertia
+        Of the platen on its spring [kg].
+    """
+    p = params
+    if p.load_stiffness:
+        return lsm.SpringLoadPoint(velocity, p.load_stiffness, inertia)
+    return lsm.ConstantVelocity(velocity, acceleration=max(abs(velocity), 1e-3 * p.diameter) / p.inertial_time)

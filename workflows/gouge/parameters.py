@@ -1,0 +1,139 @@
+"""Parameters of a sheared layer of gouge, and the rules between them."""
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from workflows.common.parameters import Params as BaseParams
+
+LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
+STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
+MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
+
+
+class Params(BaseParams):
+    """One shear experiment on a layer of gouge."""
+
+    dim: int = Field(2, ge=2, le=3, description="dimension of space [1]")
+    shape: Literal["sphere", "angular"] = Field("sphere", description="grain shape: discs or spheres, or angular")
+    smallest_diameter: float = Field(105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
+    largest_diameter: float = Field(149e-6, ge=1e-9, le=1e3, description="greatest equivalent diameter [m]")
+    density: float = Field(2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
+    normal_stress: float = Field(5e6, ge=1e-3, le=1e12, description="normal stress on the layer [Pa]")
+    layer_thickness: float | None = Field(
+        None, ge=8, le=1e4, description="thickness of the layer; none: 24 in 2D, 15 in 3D [mean diameters]"
+    )
+    length: float | None = Field(
+        None, ge=6, le=1e5, description="periodic length along the shear; none: 30 in 2D, 20 in 3D [mean diameters]"
+    )
+    width: float = Field(7.0, ge=4, le=1e4, description="periodic width, 3D only [mean diameters]")
+    grains: int | None = Field(
+        None, ge=20, le=MOST_GRAINS, description="mobile grains; none: from thickness and length [1]"
+    )
+    friction: float = Field(0.5, ge=0, le=100, description="Coulomb coefficient between grains [1]")
+    tangential_ratio: float = Field(0.5, ge=1e-6, le=1, description="tangential over normal stiffness [1]")
+    restitution: float = Field(0.5, ge=0.01, le=1, description="restitution of a normal impact [1]")
+    stiffness_number: float = Field(1000.0, ge=100, le=1e9, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]")
+    inertial_number: float = Field(1e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    platen_diameter: float = Field(
+        1.0, ge=0.3, le=3.0, description="grains of the platens over mobile ones: the roughness of the walls [1]"
+    )
+    corner_radius: float = Field(0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
+    breakable: bool = Field(False, description="angular grains are bonded pieces that can break, 2D only")
+    pieces: int = Field(7, ge=2, le=40, description="pieces of a breakable grain [1]")
+    bond_strength: float = Field(
+        20.0, ge=1e-6, le=1e6, description="tensile strength of the bonds over the normal stress [1]"
+    )
+    load_stiffness: float | None = Field(
+        None,
+        ge=1e-9,
+        le=1e15,
+        description="spring that pulls the top platen; none: its velocity is imposed [N m-1]",
+    )
+    strain: float = Field(5.0, gt=0, le=1e4, description="shear strain to reach [1]")
+    steady_from: float = Field(1.0, ge=0, le=1e4, description="strain from which the steady state is averaged [1]")
+    rows_per_strain: int = Field(100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]")
+    profile: bool = Field(False, description="print where the time of the run went")
+    effects: list[dict] = Field(
+        [],
+        description="effects beside elasticity, damping and friction, or in place of those of the same kind: tables "
+        "with name = NAME and its parameters in SI units, see lsm list --effects",
+    )
+    target_error: float | None = Field(
+        None,
+        ge=1e-6,
+        le=1,
+        description="half-width of the 95 % interval that the mean friction shall have; sets strain, seeds and step; "
+        "none: as given [1]",
+    )
+    step_safety: float = Field(0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
+
+    presets: ClassVar[dict[str, dict]] = {
+        "smoke": {"length": 20.0, "layer_thickness": 12.0, "inertial_number": 5e-3, "strain": 2.0},
+        "demo": {"strain": 3.0},
+        "standard": {},
+        "reference": {"length": 60.0, "inertial_number": 3e-4, "strain": 10.0, "stiffness_number": 1e4},
+    }
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        problems = [*self._problems_of_grains(), *self._problems_of_shear()]
+        if problems:
+            raise ValueError("; ".join(problems))
+        return self
+
+    def _problems_of_grains(self) -> Iterator[str]:
+        """What is wrong with sizes, shapes, stiffness and number of the grains."""
+        if self.smallest_diameter > self.largest_diameter:
+            low, high = self.smallest_diameter, self.largest_diameter
+            yield f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left"
+        if self.breakable and (self.shape != "angular" or self.dim != 2):
+            yield f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}"
+        if self.dim == 3 and self.platen_diameter > 1.0:
+            yield f"--platen-diameter {self.platen_diameter:g} must be <= 1 in 3D: mobile grains would pass"
+        least = 5.0 / self.corner_radius * (self.pieces**0.5 if self.breakable else 1.0)
+        if self.shape == "angular" and self.stiffness_number < least:
+            yield (
+                f"--stiffness-number {self.stiffness_number:g} must be >= {least:g} with --corner-radius "
+                f"{self.corner_radius:g}: overlaps would exceed a tenth of what the corners can carry"
+            )
+
+    def _problems_of_shear(self) -> Iterator[str]:
+        """What is wrong with the strain to reach and the target error."""
+        if self.strain < self.steady_from + self.least_steady:
+            yield (
+                f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
+                f"the steady state needs {LEAST_ROWS} rows"
+            )
+        if self.target_error and (self.breakable or self.load_stiffness or self.effects):
+            yield "--target-error knows layers of whole grains at an imposed velocity, with the usual effects"
+
+    @property
+    def least_steady(self) -> float:
+        """Least strain of the steady state that is averaged [1]."""
+        return LEAST_ROWS / self.rows_per_strain * (STICK_SLIP if self.load_stiffness else 1)
+
+    @property
+    def layer(self) -> tuple[float, tuple[float, ...]]:
+        """(thickness, periodic lengths) of the layer [m]; as given or by dimension."""
+        thickness = self.layer_thickness or (24.0 if self.dim == 2 else 15.0)
+        length = self.length or (30.0 if self.dim == 2 else 20.0)
+        across = () if self.dim == 2 else (self.width * self.diameter,)
+        return thickness * self.diameter, (length * self.diameter, *across)
+
+    @property
+    def diameter(self) -> float:
+        """Mean diameter d [m]."""
+        return 0.5 * (self.smallest_diameter + self.largest_diameter)
+
+    @property
+    def inertial_time(self) -> float:
+        """Inertial time d sqrt(rho/P) [s]: how long the stress takes to push a grain by its own size."""
+        return self.diameter * float(np.sqrt(self.density / self.normal_stress))
+
+    @property
+    def stiffness(self) -> float:
+        """Normal stiffness k [N m-1] of the stiffness number; in 2D the out-of-plane depth b is d."""
+        return self.stiffness_number * self.normal_stress * self.diameter
