@@ -15,6 +15,7 @@ from typing import Annotated, ClassVar, Literal, Self, get_args
 import numpy as np
 from pydantic import Field, model_validator
 
+from workflows import shear_gouge
 from workflows.accuracy import collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials

@@ -8,6 +8,7 @@ import functools
 import itertools
 import json
 import math
+import os
 import random
 import subprocess
 import sys
@@ -174,7 +175,8 @@ def test_refusals_name_option_value_allowed_and_remedy():
     base = TINY["shear-gouge"][0]
     platen = outcome("shear-gouge", base | {"platen_diameter": "3"})
     assert all(words in platen for words in ("--length 6", "--platen-diameter 3", "must be >= 7.04", "raise it"))
-    angular = outcome("shear-gouge", TINY_LAYER | {"grains": "20", "dim": "3", "width": "4", "shape": "angular"})
+    unequal = {"dim": "3", "width": "4", "shape": "angular", "smallest_diameter": "1e-5"}
+    angular = outcome("shear-gouge", base | unequal)
     assert "--width 4" in angular and "must be >=" in angular and "across" in angular
     many = outcome("shear-gouge", base | {"grains": "10000000"})
     assert "must be <= 1e+07" in many and "make it smaller" in many
@@ -189,7 +191,7 @@ def test_the_command_line_shows_no_traceback(tmp_path):
     small = "--length 6 --layer-thickness 8 --grains 30"
     lines = [
         f"shear-gouge --platen-diameter 3 {small}",
-        f"shear-gouge --dim 3 --shape angular --width 4 {small}",
+        f"shear-gouge --dim 3 --smallest-diameter 1e-9 {small}",
         f"shear-gouge --shape angular --corner-radius 0.25 --breakable --pieces 40 --target-error 0.1 {small}",
         f"shear-gouge --strain 10000 --inertial-number 1e-9 {small}",
         f"compare-shapes --platen-diameter 3 {small}",
@@ -206,7 +208,7 @@ def test_the_command_line_shows_no_traceback(tmp_path):
         "print([main(line.split()) for line in json.load(open('lines.json'))])\n"
     )
     process = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
+        [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
     )
     assert process.returncode == 0 and process.stdout.strip() == str([2] * len(lines)), process.stderr
     assert "Traceback" not in process.stderr

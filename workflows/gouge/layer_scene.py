@@ -49,8 +49,8 @@ def mobile_count(params: Params) -> int:
 def _check_count(p: Params) -> None:
     """Refuse layers of more grains, mobile and glued, than a process can hold."""
     least = p.platen_diameter * p.smallest_diameter
-    # In 3D the columns of a platen lie closer where sizes differ much: see rough_platen.
-    pitch = least if p.dim == 2 else min(least, 0.9 * p.platen_diameter * p.diameter)
+    # In 3D the columns of a platen lie closer where sizes differ much, so that none passes: see rough_platen.
+    pitch = least if p.dim == 2 else min(1.3 * least, 0.9 * p.platen_diameter * p.diameter)
     glued = 2.0 * float(np.prod([length / pitch + 1.0 for length in p.layer[1]]))
     mobile = mobile_count(p) * (p.pieces if p.breakable else 1)
     if mobile + glued > MOST_GRAINS:
