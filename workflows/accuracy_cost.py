@@ -37,43 +37,48 @@ class Params(BaseParams):
     """How much is measured."""
 
     phases: int = Field(
-        64, ge=8, le=100_000, description="pairs of discs in a measurement of collisions, by phase of the step [1]"
+        default=64,
+        ge=8,
+        le=100_000,
+        description="pairs of discs in a measurement of collisions, by phase of the step [1]",
     )
-    replicas: int = Field(4, ge=2, le=1000, description="measurements of each collision and gas [1]")
-    gas_grains: int = Field(225, ge=16, le=1_000_000, description="grains of the gas, a square number [1]")
-    contacts: float = Field(100.0, ge=1, le=1e6, description="time that the gas is followed [contact durations]")
-    timed_steps: int = Field(3000, ge=30, le=1_000_000_000, description="steps that are timed at once [1]")
-    turns: int = Field(5, ge=1, le=1000, description="times that each cost is measured, in turn [1]")
+    replicas: int = Field(default=4, ge=2, le=1000, description="measurements of each collision and gas [1]")
+    gas_grains: int = Field(default=225, ge=16, le=1_000_000, description="grains of the gas, a square number [1]")
+    contacts: float = Field(
+        default=100.0, ge=1, le=1e6, description="time that the gas is followed [contact durations]"
+    )
+    timed_steps: int = Field(default=3000, ge=30, le=1_000_000_000, description="steps that are timed at once [1]")
+    turns: int = Field(default=5, ge=1, le=1000, description="times that each cost is measured, in turn [1]")
     shape_turns: int = Field(
-        3, ge=1, le=1000, description="times that the layers of each shape are sheared, in turn [1]"
+        default=3, ge=1, le=1000, description="times that the layers of each shape are sheared, in turn [1]"
     )
-    impacts: int = Field(48, ge=4, le=100_000, description="impacts of ellipses, each turned otherwise [1]")
+    impacts: int = Field(default=48, ge=4, le=100_000, description="impacts of ellipses, each turned otherwise [1]")
     patches: list[Annotated[int, Field(ge=12, le=1200, multiple_of=6)]] = Field(
-        [12, 18, 30, 60, 120], min_length=1, description="patches per grain [1]"
+        default=[12, 18, 30, 60, 120], min_length=1, description="patches per grain [1]"
     )
-    discs: list[Annotated[int, Field(ge=3, le=1000)]] = Field([12, 30, 60], description="discs per clump [1]")
+    discs: list[Annotated[int, Field(ge=3, le=1000)]] = Field(default=[12, 30, 60], description="discs per clump [1]")
     corners: list[Annotated[float, Field(ge=0.02, le=0.25)]] = Field(
-        [0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]"
+        default=[0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]"
     )
     shapes: list[Literal["sphere", "angular"]] = Field(
-        ["sphere"], min_length=1, description="grains of the layers of all choices"
+        default=["sphere"], min_length=1, description="grains of the layers of all choices"
     )
     long_shapes: list[Literal["sphere", "angular"]] = Field(
-        ["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
+        default=["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
     )
     parameters: list[Parameter] = Field(
-        list(get_args(Parameter)), min_length=1, description="parameters of the layer to measure"
+        default=list(get_args(Parameter)), min_length=1, description="parameters of the layer to measure"
     )
     most_settings: int = Field(
-        4, ge=3, le=4, description="settings of each of these parameters, with the usual one [1]"
+        default=4, ge=3, le=4, description="settings of each of these parameters, with the usual one [1]"
     )
-    seeds: int = Field(4, ge=2, le=1000, description="runs of each setting of a layer [1]")
-    strain: float = Field(3.0, gt=1.2, le=1e4, description="shear strain of the layers [1]")
+    seeds: int = Field(default=4, ge=2, le=1000, description="runs of each setting of a layer [1]")
+    strain: float = Field(default=3.0, gt=1.2, le=1e4, description="shear strain of the layers [1]")
     long_strain: float = Field(
-        33.0, ge=0, le=1e4, description="strain of the runs that measure strain and seeds; 0: none [1]"
+        default=33.0, ge=0, le=1e4, description="strain of the runs that measure strain and seeds; 0: none [1]"
     )
-    long_runs: int = Field(6, ge=2, le=1000, description="number of those runs [1]")
-    lists: bool = Field(True, description="measure the neighbour skin")
+    long_runs: int = Field(default=6, ge=2, le=1000, description="number of those runs [1]")
+    lists: bool = Field(default=True, description="measure the neighbour skin")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {

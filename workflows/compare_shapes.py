@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.cli import signals
-from workflows.common.metrics import Metric, write_summary
+from workflows.common.metrics import Metric, number, write_summary
 from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
@@ -71,8 +71,10 @@ class Params(shear_gouge.Params):
     pieces: ClassVar[int] = 7  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
     bond_strength: ClassVar[float] = 20.0  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
 
-    replicas: int = Field(3, ge=1, le=1000, description="runs per shape, with the seeds seed, seed + 1, ... [1]")
-    at_a_time: int = Field(2, ge=1, le=1024, description="runs at a time, each in a process of its own [1]")
+    replicas: int = Field(
+        default=3, ge=1, le=1000, description="runs per shape, with the seeds seed, seed + 1, ... [1]"
+    )
+    at_a_time: int = Field(default=2, ge=1, le=1024, description="runs at a time, each in a process of its own [1]")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
@@ -172,8 +174,8 @@ def collect(runs, params, out, run_status):
         if status == "running":  # killed before it wrote how it ended, or never started
             status = "failed" if run_status == "complete" else run_status
         row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
-        metrics = shear_gouge.analyse(dataset, of_run) if status == "complete" else {}
-        row |= {v.name: float(metrics[v.name].value) if metrics else np.nan for v in COLUMNS}
+        metrics = shear_gouge.analyse(dataset, of_run) if dataset is not None and status == "complete" else {}
+        row |= {v.name: number(metrics[v.name]) if metrics else np.nan for v in COLUMNS}
         rows.append(row)
         steps += [dataset.dt] if dataset is not None else []
     title = "Friction of gouge of round and of angular grains"
@@ -224,7 +226,7 @@ def analyse(table):
 def table_text(table):
     """One line per run, for people."""
     titles = ("shape", "seed", "status", "friction", "error", "samples", "at platen", "I", "energy residual")
-    lines = [titles]
+    lines: list[tuple[str, ...]] = [titles]
     for row in (table.isel(run=i) for i in range(table.sizes["run"])):
         text = (row["shape"].item(), str(row.seed.item()), row.status.item())
         names = ("friction_mean", "friction_se", "friction_ess", "platen_friction_mean", "inertial_number")

@@ -49,23 +49,33 @@ MOST_STEPS = 500_000_000  # of a run; those for the order are four times as long
 class Params(BaseParams):
     """The verification test of Abe & Mora (2003), in 2D or 3D."""
 
-    dim: int = Field(2, ge=2, le=3, description="dimension of space [1]")
-    grains: int = Field(900, ge=16, le=1_000_000, description="number of grains [1]")
-    tile: float = Field(1e-3, ge=1e-9, le=1e3, description="mean width of a tile [m]")
-    corner_radius: float = Field(0.08, ge=1e-6, le=0.3, description="least patch radius [tiles]")
-    gap: float = Field(0.02, ge=1e-6, le=0.2, description="distance of a grain from the sides of its tile [tiles]")
-    arcs_per_corner: int = Field(4, ge=1, le=100, description="patches per corner; about 30 per grain with 4 [1]")
-    chamfers: int = Field(11, ge=0, le=20, description="corners cut per tile, 3D; 20 faces per grain with 11 [1]")
-    density: float = Field(2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
-    stiffness: float = Field(5e4, ge=1e-6, le=1e15, description="normal stiffness k [N m-1]")
-    speed: float = Field(1.0, ge=1e-9, le=1e6, description="root mean square velocity at the start [m s-1]")
-    steps: int = Field(5000, ge=100, le=MOST_STEPS, description="steps of each run [1]")
-    long_steps: int = Field(50_000, ge=100, le=MOST_STEPS, description="steps of the long run [1]")
-    seeds: int = Field(3, ge=1, le=1000, description="packings for the drift [1]")
-    order_seeds: int = Field(8, ge=1, le=1000, description="packings for the order [1]")
-    missed_seam: float = Field(1e-4, ge=1e-12, le=0.1, description="gap of each cone in the runs with cones, 2D [rad]")
-    order_grains: int = Field(225, ge=16, le=1_000_000, description="grains of the runs that measure the order [1]")
-    samples: int = Field(250, ge=10, le=1_000_000, description="energies recorded per run [1]")
+    dim: int = Field(default=2, ge=2, le=3, description="dimension of space [1]")
+    grains: int = Field(default=900, ge=16, le=1_000_000, description="number of grains [1]")
+    tile: float = Field(default=1e-3, ge=1e-9, le=1e3, description="mean width of a tile [m]")
+    corner_radius: float = Field(default=0.08, ge=1e-6, le=0.3, description="least patch radius [tiles]")
+    gap: float = Field(
+        default=0.02, ge=1e-6, le=0.2, description="distance of a grain from the sides of its tile [tiles]"
+    )
+    arcs_per_corner: int = Field(
+        default=4, ge=1, le=100, description="patches per corner; about 30 per grain with 4 [1]"
+    )
+    chamfers: int = Field(
+        default=11, ge=0, le=20, description="corners cut per tile, 3D; 20 faces per grain with 11 [1]"
+    )
+    density: float = Field(default=2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
+    stiffness: float = Field(default=5e4, ge=1e-6, le=1e15, description="normal stiffness k [N m-1]")
+    speed: float = Field(default=1.0, ge=1e-9, le=1e6, description="root mean square velocity at the start [m s-1]")
+    steps: int = Field(default=5000, ge=100, le=MOST_STEPS, description="steps of each run [1]")
+    long_steps: int = Field(default=50_000, ge=100, le=MOST_STEPS, description="steps of the long run [1]")
+    seeds: int = Field(default=3, ge=1, le=1000, description="packings for the drift [1]")
+    order_seeds: int = Field(default=8, ge=1, le=1000, description="packings for the order [1]")
+    missed_seam: float = Field(
+        default=1e-4, ge=1e-12, le=0.1, description="gap of each cone in the runs with cones, 2D [rad]"
+    )
+    order_grains: int = Field(
+        default=225, ge=16, le=1_000_000, description="grains of the runs that measure the order [1]"
+    )
+    samples: int = Field(default=250, ge=10, le=1_000_000, description="energies recorded per run [1]")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
@@ -186,7 +196,7 @@ class Gas:
 
 def drift(series, shadow=False):
     """max abs(E/E0 - 1) of a run, of the energy or of the shadow energy [1]."""
-    total = sum(series[n] for n in TERMS)
+    total = np.sum([series[n] for n in TERMS], axis=0)
     if shadow:
         total = total + series["shadow_correction"]
     return float(np.abs(total / total[0] - 1.0).max())

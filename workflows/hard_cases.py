@@ -38,10 +38,10 @@ class Params(BaseParams):
     """Which cases to run and how long."""
 
     precision: Literal["both", "f64", "f32"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]  one more
-        "both", description="floating-point types to run the cases in"
+        default="both", description="floating-point types to run the cases in"
     )
-    runs: Literal["full", "short"] = Field("full", description="full runs, or the same cases with fewer steps")
-    kinds: list[str] = Field([], description="kinds of cases, the files of workflows/hard; empty: all of them")
+    runs: Literal["full", "short"] = Field(default="full", description="full runs, or the same cases with fewer steps")
+    kinds: list[str] = Field(default=[], description="kinds of cases, the files of workflows/hard; empty: all of them")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {"runs": "short"},

@@ -40,14 +40,14 @@ COLUMNS = (
 class Params(BaseParams):
     """Patches against clumps."""
 
-    corner_radius: float = Field(0.05, ge=0.02, le=0.25, description="of the polygons [equivalent diameters]")
+    corner_radius: float = Field(default=0.05, ge=0.02, le=0.25, description="of the polygons [equivalent diameters]")
     most_sheared: int = Field(
-        60, ge=12, le=COUNTS[-1], description="patches or discs per grain up to which layers are sheared [1]"
+        default=60, ge=12, le=COUNTS[-1], description="patches or discs per grain up to which layers are sheared [1]"
     )
-    layer_thickness: float = Field(12.0, ge=8, le=1e4, description="thickness of the layer [mean diameters]")
-    length: float = Field(14.0, ge=6, le=1e5, description="periodic length along the shear [mean diameters]")
-    inertial_number: float = Field(5e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
-    strain: float = Field(3.0, gt=0, le=1e4, description="shear strain to reach [1]")
+    layer_thickness: float = Field(default=12.0, ge=8, le=1e4, description="thickness of the layer [mean diameters]")
+    length: float = Field(default=14.0, ge=6, le=1e5, description="periodic length along the shear [mean diameters]")
+    inertial_number: float = Field(default=5e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    strain: float = Field(default=3.0, gt=0, le=1e4, description="shear strain to reach [1]")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {"most_sheared": 12, "layer_thickness": 8.0, "length": 8.0, "strain": 1.2, "inertial_number": 1e-2},
@@ -119,12 +119,12 @@ def deviation(outline, body):
     import shapely
     from shapely.affinity import translate
 
-    mine = shapely.Polygon(outline)
-    shift = np.array(body.centroid.coords[0]) - np.array(mine.centroid.coords[0])
-    mine = translate(mine, *shift)
-    points = shapely.points(np.array(shapely.segmentize(mine.exterior, 0.002).coords))
+    own = shapely.Polygon(outline)
+    shift = np.array(body.centroid.coords[0]) - np.array(own.centroid.coords[0])
+    ring = shapely.get_exterior_ring(translate(own, *shift))
+    points = shapely.points(shapely.get_coordinates(shapely.segmentize(ring, 0.002)))
     distance = shapely.distance(points, body.exterior)
-    return float(shapely.hausdorff_distance(mine.exterior, body.exterior)), float(np.sqrt((distance**2).mean()))
+    return float(shapely.hausdorff_distance(ring, body.exterior)), float(np.sqrt((distance**2).mean()))
 
 
 def shapes_of(params, kind, elements):
@@ -140,7 +140,7 @@ def shapes_of(params, kind, elements):
         else:
             shape = lsm.equal_clump(exact, elements)
             discs = shapely.buffer(shapely.points(shape.centre), shape.radius, quad_segs=64)
-            outline = np.array(shapely.union_all(discs).exterior.coords)
+            outline = shapely.get_coordinates(shapely.get_exterior_ring(shapely.union_all(discs)))
         errors.append(deviation(outline, body))
         size = np.sqrt(4.0 * exact.measure / np.pi)
         shapes.append(lsm.rescaled(shape, 1.0 / size))
@@ -252,7 +252,7 @@ def plot(path, rows, params):
     clump = lsm.equal_clump(exact, 30)
     discs = shapely.union_all(shapely.buffer(shapely.points(clump.centre), clump.radius, quad_segs=64))
     chain = patch_shape(vertices, 30, params.corner_radius).outline(2000)
-    drawn.plot(*np.array(discs.exterior.coords).T, color="#d55e00", lw=1.2, label="30 discs")
+    drawn.plot(*shapely.get_coordinates(shapely.get_exterior_ring(discs)).T, color="#d55e00", lw=1.2, label="30 discs")
     drawn.plot(*chain.T, color="#0072b2", lw=1.2, label="30 patches")
     drawn.set(aspect="equal", xticks=[], yticks=[], title="One outline")
     drawn.legend(fontsize=8, loc="center")

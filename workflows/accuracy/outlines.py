@@ -1,6 +1,7 @@
 """Shapes: patches and discs per grain, corner radius, non-convexity, by outline, impact, layer and gas (2D)."""
 
 import tempfile
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def polygons(params, corner_radius=0.05):
 
 def layer_cost(params, shapes):
     """(seconds for one grain and step, step over the inertial time, friction) of a sheared layer of these shapes."""
-    of_run = shear_gouge.Params(shape="angular", seed=params.seed, **LAYER)
+    of_run = shear_gouge.Params.model_validate(LAYER | {"shape": "angular", "seed": params.seed})
     scene = shear_gouge.build(of_run)
     mobile = scene.platen_index < 0
     scene.shapes = [scene.shapes[0], *shapes]
@@ -123,7 +124,9 @@ def hull_error(bars):
 
     outlines = [part.outline(2000) for part in star(bars).parts]
     body = shapely.union_all([shapely.Polygon(outline) for outline in outlines])
-    return float(shapely.hausdorff_distance(body.convex_hull.exterior, body.exterior))
+    return float(
+        shapely.hausdorff_distance(shapely.get_exterior_ring(body.convex_hull), shapely.get_exterior_ring(body))
+    )
 
 
 def gas_of(shape, seed):
@@ -131,8 +134,8 @@ def gas_of(shape, seed):
     rng, count = np.random.default_rng(seed), STARS**2
     pitch = 2.02 * shape.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(count), STARS), axis=1)
-    cell = {"lengths": (pitch * STARS,) * 2, "periodic": (True, True), "shapes": [shape]}
-    motion = {
+    cell: dict[str, Any] = {"lengths": (pitch * STARS,) * 2, "periodic": (True, True), "shapes": [shape]}
+    motion: dict[str, Any] = {
         "velocity": rng.normal(0.0, 0.1 * SPEED, (count, 2)),
         "angular_velocity": rng.normal(0.0, 0.1 * SPEED, (count, 1)),
     }

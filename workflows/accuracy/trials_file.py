@@ -3,6 +3,7 @@
 import os
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def write_trials(path, trials, attributes):
         name: (dims, arrays[name], {"units": units, "long_name": long_name, "_FillValue": np.nan})
         for name, (dims, units, long_name) in VARIABLES.items()
     }
-    coordinates = {
+    coordinates: dict[str, Any] = {
         f"{name}_name": ((name,), np.array(texts_of, dtype=object), {"long_name": f"name of the {name}"})
         for name, texts_of in names.items()
     }

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import time
+from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console, Group
@@ -51,6 +52,7 @@ class ProgressLine:
 
     def _draw(self) -> None:
         # Text, so that rich reads no markup in the labels.
+        assert self._live is not None
         self._live.update(Group(*(Text(format_line(r)) for r in self._reports.values())), refresh=True)
 
     def close(self) -> None:
@@ -69,9 +71,9 @@ class ProgressLine:
 
 def as_dict(report: Any) -> dict:
     """A report as a dict, whether it is one or a dataclass."""
-    if dataclasses.is_dataclass(report) and not isinstance(report, type):
-        return {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
-    return dict(report)
+    if isinstance(report, Mapping):
+        return dict(report)
+    return {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
 
 
 def format_line(report: dict) -> str:

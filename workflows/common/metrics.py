@@ -1,10 +1,11 @@
-"""The figures of a run, as summary.json for programs and as a table for people."""
+"""Metrics of a run, as summary.json for programs and as a table for people."""
 
 import json
 import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -14,10 +15,17 @@ FILE = "summary.json"
 
 @dataclass(frozen=True)
 class Metric:
-    """One figure: value in `unit` ("1" for a pure number, None if it could not be computed).
+    """One number that a run yields, with what is claimed of it.
 
-    bound and holds are given together, and only where something is claimed: bound is the limit (a number in
-    `unit`, or words), holds whether the value respects it.
+    Attributes
+    ----------
+    value
+        Value in `unit`; None if it could not be computed.
+    unit
+        Unit, "1" for a pure number.
+    bound, holds
+        Given together, and only where something is claimed: the limit (a number in `unit`, or words), and whether the
+        value respects it.
     """
 
     value: float | int | None
@@ -25,9 +33,9 @@ class Metric:
     bound: float | int | str | None = None
     holds: bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if (self.bound is None) != (self.holds is None):
-            raise ValueError(f"Figure: bound {self.bound!r} and holds {self.holds!r} must be given together")
+            raise ValueError(f"Metric: bound {self.bound!r} and holds {self.holds!r} must be given together")
 
     def as_dict(self) -> dict:
         """The JSON form; values that JSON has no number for (NaN, infinity) become null."""
@@ -37,18 +45,34 @@ class Metric:
         return entry
 
 
-def _number(value):
+def number(metric: Metric) -> float:
+    """The value of a metric; nan if it could not be computed."""
+    return math.nan if metric.value is None else float(metric.value)
+
+
+def _number(value: Any) -> float | int | str | None:
     if hasattr(value, "item"):  # a NumPy or xarray scalar
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_summary(out, workflow: str, preset: str | None, metrics: dict[str, Metric], quiet: bool = False) -> dict:
+def write_summary(
+    out: str | os.PathLike[str], workflow: str, preset: str | None, metrics: dict[str, Metric], quiet: bool = False
+) -> dict[str, Any]:
     """Write `out`/summary.json and print the same as a table; returns what was written.
 
-    preset: `params.preset_name`. quiet: write only (a workflow passes `progress is None`).
+    Parameters
+    ----------
+    out
+        Folder of the run.
+    workflow, preset
+        Name of the command; `params.preset_name`.
+    metrics
+        Name -> metric, in the order of the table.
+    quiet
+        Write only (a workflow passes `progress is None`).
     """
-    entries = {name: figure.as_dict() for name, figure in metrics.items()}
+    entries = {name: metric.as_dict() for name, metric in metrics.items()}
     summary = {"workflow": workflow, "preset": preset, "metrics": entries}
     path = Path(out) / FILE
     partial = path.with_name(FILE + ".partial")
@@ -60,12 +84,12 @@ def write_summary(out, workflow: str, preset: str | None, metrics: dict[str, Met
 
 
 def print_summary(summary: dict, console: Console | None = None) -> None:
-    """Print the figures: a rich table in a terminal, else one plain aligned line each."""
+    """Print the metrics: a rich table in a terminal, else one plain aligned line each."""
     console = console or Console()
     rows = [(name, *_cells(entry)) for name, entry in summary["metrics"].items()]
     title = summary["workflow"] + (f", preset {summary['preset']}" if summary["preset"] else "")
     if console.is_terminal:
-        table = Table("figure", "value", "unit", "claimed", "", title=title)
+        table = Table("metric", "value", "unit", "claimed", "", title=title)
         for row in rows:
             table.add_row(*row)
         console.print(table)
@@ -83,5 +107,5 @@ def _cells(entry: dict) -> tuple[str, str, str, str]:
     return _shown(entry["value"]), "" if entry["unit"] == "1" else entry["unit"], claimed, verdict
 
 
-def _shown(value) -> str:
+def _shown(value: float | int | str | None) -> str:
     return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)

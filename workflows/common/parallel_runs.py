@@ -19,7 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -54,7 +54,7 @@ class ReplicaError(SimulationError):
 class _Running:
     label: str
     process: BaseProcess
-    pipe: Connection
+    pipe: Any  # Connection, or PipeConnection on Windows
     log: Path
     report: dict
     failure: str | None = None
@@ -176,7 +176,7 @@ def _stop(running: list[_Running], signum: int) -> None:
         try:
             for run in running:
                 if run.process.is_alive():
-                    os.kill(run.process.pid, signum)
+                    os.kill(run.process.pid or 0, signum)
             running = [run for run in running if not _joined(run)]
         except signals.Interrupted as again:
             signum = again.signum
@@ -193,7 +193,7 @@ def _joined(run: _Running) -> bool:
 
 
 def _how_it_ended(run: _Running) -> str:
-    code = run.process.exitcode
+    code = run.process.exitcode or 0
     text = f"the process ended with exit code {code}"
     if code < 0:
         text = f"the process was killed by {signal.Signals(-code).name}"
@@ -228,7 +228,7 @@ def _blocked_signals():
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _child(label: str, payload: bytes, pipe: Connection, log: str) -> None:
+def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
     """The whole life of one run's process."""
     _redirect_output(log)
     _set_title(f"lsm {label}")
@@ -276,7 +276,7 @@ def _set_title(title: str) -> None:
         pass
 
 
-def _sender(pipe: Connection) -> Callable[[Any], None]:
+def _sender(pipe: Any) -> Callable[[Any], None]:
     last = -SEND_EVERY_S
 
     def send(report: Any) -> None:
@@ -291,7 +291,7 @@ def _sender(pipe: Connection) -> Callable[[Any], None]:
     return send
 
 
-def _send(pipe: Connection, kind: str, content: Any) -> bool:
+def _send(pipe: Any, kind: str, content: Any) -> bool:
     try:
         pipe.send((kind, content))
     except OSError:

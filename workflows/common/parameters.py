@@ -4,13 +4,14 @@ The same field is an option (`--normal-stress`), a TOML key (`normal_stress`) an
 """
 
 import difflib
+import os
 import reprlib
 import tomllib
 import types
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeVar
 
 import pydantic
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
@@ -58,10 +59,10 @@ class Params(pydantic.BaseModel):
 
     presets: ClassVar[dict[str, dict]] = {"smoke": {}, "demo": {}, "standard": {}, "reference": {}}
 
-    seed: int = Field(1, ge=0, le=2**31 - 1, description="seed of every random number")
-    precision: Literal["f64", "f32"] = Field("f64", description="floating-point type of contacts and forces")
-    arch: Literal["cpu", "gpu"] = Field("cpu", description="device that the kernels run on")
-    threads: int = Field(1, ge=1, le=1024, description="CPU threads; the results do not depend on it")
+    seed: int = Field(default=1, ge=0, le=2**31 - 1, description="seed of every random number")
+    precision: Literal["f64", "f32"] = Field(default="f64", description="floating-point type of contacts and forces")
+    arch: Literal["cpu", "gpu"] = Field(default="cpu", description="device that the kernels run on")
+    threads: int = Field(default=1, ge=1, le=1024, description="CPU threads; the results do not depend on it")
 
     @cached_property
     def preset_name(self) -> str | None:
@@ -74,7 +75,7 @@ class Params(pydantic.BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _tell_apart(cls, value: Any, info: ValidationInfo) -> Any:
-        field = cls.model_fields[info.field_name]
+        field = cls.model_fields[info.field_name or ""]
         # TOML has no null and an option is text, so none is written as a word.
         if isinstance(value, str) and value.lower() == "none" and accepts(field.annotation, types.NoneType):
             return None
@@ -83,6 +84,9 @@ class Params(pydantic.BaseModel):
         if isinstance(value, bool) and not takes_bool:
             raise ValueError(f"must be {allowed(field)}")
         return value
+
+
+OfOneWorkflow = TypeVar("OfOneWorkflow", bound=Params)
 
 
 def option_name(field: str) -> str:
@@ -96,12 +100,33 @@ def nearest(word: str, names: Iterable[str]) -> str:
     return f" Did you mean {match[0]}?" if match else ""
 
 
-def merge(params_class: type[Params], preset: str | None = None, toml_path=None, options: dict | None = None):
+def merge(
+    params_class: type[OfOneWorkflow],
+    preset: str | None = None,
+    toml_path: str | os.PathLike[str] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> OfOneWorkflow:
     """Parameters from a preset, overridden by a TOML file, overridden by options; validated once.
 
-    preset: a key of `params_class.presets`; None is "standard". toml_path: a file, or None. options: field
-    name -> value; a string is parsed, for a list at its commas. A value replaces the one below it as a whole.
-    Raises SettingsError with every mistake of all three sources.
+    Parameters
+    ----------
+    params_class
+        Of the workflow.
+    preset
+        A key of `params_class.presets`; None is "standard".
+    toml_path
+        A TOML file, or None.
+    options
+        Field name -> value; a string is parsed, for a list at its commas.
+
+    Raises
+    ------
+    SettingsError
+        With every mistake of all three sources.
+
+    Notes
+    -----
+    A value replaces the one below it as a whole.
     """
     fields = params_class.model_fields
     problems: list[str] = []
@@ -137,9 +162,9 @@ def merge(params_class: type[Params], preset: str | None = None, toml_path=None,
     except pydantic.ValidationError as error:
         problems += _explain(error, params_class, values, sources)
         problems += _rules_between(error, params_class, values, problems)
-    if problems:
+    if problems or params is None:
         raise SettingsError(problems)
-    params.__dict__["preset_name"] = name
+    vars(params)["preset_name"] = name  # in the place of the cached property
     return params
 
 
@@ -170,7 +195,8 @@ def _explain(error: pydantic.ValidationError, params_class: type[Params], values
         if not loc:  # a rule between several fields
             messages[(reason,)] = reason.rstrip(".") + "."
             continue
-        name, field = loc[0], params_class.model_fields[loc[0]]
+        name = str(loc[0])
+        field = params_class.model_fields[name]
         source = "" if sources.get(name) == "option" else f" ({sources.get(name, 'default')})"
         if item["type"] == "missing" and len(loc) == 1:
             messages[loc] = f"{option_name(name)}: is required, must be {allowed(field)}."
@@ -199,7 +225,7 @@ def _rules_between(
     return []
 
 
-def _nested(params_class: type[Params], loc: tuple, item: dict, reason: str) -> str:
+def _nested(params_class: type[Params], loc: tuple, item: Mapping[str, Any], reason: str) -> str:
     """What is wrong inside a table: for an unknown key the nearest one, else pydantic's reason."""
     if item["type"] != "extra_forbidden":
         return reason.rstrip(".") + "."

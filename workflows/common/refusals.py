@@ -2,14 +2,11 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
 import pydantic
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameters import Params
-
-OfOneWorkflow = TypeVar("OfOneWorkflow", bound=Params)
+from workflows.common.parameters import OfOneWorkflow
 
 
 def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflow:

@@ -16,59 +16,73 @@ MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
 class Params(BaseParams):
     """One shear experiment on a layer of gouge."""
 
-    dim: int = Field(2, ge=2, le=3, description="dimension of space [1]")
-    shape: Literal["sphere", "angular"] = Field("sphere", description="grain shape: discs or spheres, or angular")
-    smallest_diameter: float = Field(105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
-    largest_diameter: float = Field(149e-6, ge=1e-9, le=1e3, description="greatest equivalent diameter [m]")
-    density: float = Field(2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
-    normal_stress: float = Field(5e6, ge=1e-3, le=1e12, description="normal stress on the layer [Pa]")
+    dim: int = Field(default=2, ge=2, le=3, description="dimension of space [1]")
+    shape: Literal["sphere", "angular"] = Field(
+        default="sphere", description="grain shape: discs or spheres, or angular"
+    )
+    smallest_diameter: float = Field(default=105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
+    largest_diameter: float = Field(default=149e-6, ge=1e-9, le=1e3, description="greatest equivalent diameter [m]")
+    density: float = Field(default=2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
+    normal_stress: float = Field(default=5e6, ge=1e-3, le=1e12, description="normal stress on the layer [Pa]")
     layer_thickness: float | None = Field(
-        None, ge=8, le=1e4, description="thickness of the layer; none: 24 in 2D, 15 in 3D [mean diameters]"
+        default=None, ge=8, le=1e4, description="thickness of the layer; none: 24 in 2D, 15 in 3D [mean diameters]"
     )
     length: float | None = Field(
-        None, ge=6, le=1e5, description="periodic length along the shear; none: 30 in 2D, 20 in 3D [mean diameters]"
+        default=None,
+        ge=6,
+        le=1e5,
+        description="periodic length along the shear; none: 30 in 2D, 20 in 3D [mean diameters]",
     )
-    width: float = Field(7.0, ge=4, le=1e4, description="periodic width, 3D only [mean diameters]")
+    width: float = Field(default=7.0, ge=4, le=1e4, description="periodic width, 3D only [mean diameters]")
     grains: int | None = Field(
-        None, ge=20, le=MOST_GRAINS, description="mobile grains; none: from thickness and length [1]"
+        default=None, ge=20, le=MOST_GRAINS, description="mobile grains; none: from thickness and length [1]"
     )
-    friction: float = Field(0.5, ge=0, le=100, description="Coulomb coefficient between grains [1]")
-    tangential_ratio: float = Field(0.5, ge=1e-6, le=1, description="tangential over normal stiffness [1]")
-    restitution: float = Field(0.5, ge=0.01, le=1, description="restitution of a normal impact [1]")
-    stiffness_number: float = Field(1000.0, ge=100, le=1e9, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]")
-    inertial_number: float = Field(1e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
+    friction: float = Field(default=0.5, ge=0, le=100, description="Coulomb coefficient between grains [1]")
+    tangential_ratio: float = Field(default=0.5, ge=1e-6, le=1, description="tangential over normal stiffness [1]")
+    restitution: float = Field(default=0.5, ge=0.01, le=1, description="restitution of a normal impact [1]")
+    stiffness_number: float = Field(
+        default=1000.0, ge=100, le=1e9, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]"
+    )
+    inertial_number: float = Field(default=1e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
     platen_diameter: float = Field(
-        1.0, ge=0.3, le=3.0, description="grains of the platens over mobile ones: the roughness of the walls [1]"
+        default=1.0,
+        ge=0.3,
+        le=3.0,
+        description="grains of the platens over mobile ones: the roughness of the walls [1]",
     )
-    corner_radius: float = Field(0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
-    breakable: bool = Field(False, description="angular grains are bonded pieces that can break, 2D only")
-    pieces: int = Field(7, ge=2, le=40, description="pieces of a breakable grain [1]")
+    corner_radius: float = Field(default=0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
+    breakable: bool = Field(default=False, description="angular grains are bonded pieces that can break, 2D only")
+    pieces: int = Field(default=7, ge=2, le=40, description="pieces of a breakable grain [1]")
     bond_strength: float = Field(
-        20.0, ge=1e-6, le=1e6, description="tensile strength of the bonds over the normal stress [1]"
+        default=20.0, ge=1e-6, le=1e6, description="tensile strength of the bonds over the normal stress [1]"
     )
     load_stiffness: float | None = Field(
-        None,
+        default=None,
         ge=1e-9,
         le=1e15,
         description="spring that pulls the top platen; none: its velocity is imposed [N m-1]",
     )
-    strain: float = Field(5.0, gt=0, le=1e4, description="shear strain to reach [1]")
-    steady_from: float = Field(1.0, ge=0, le=1e4, description="strain from which the steady state is averaged [1]")
-    rows_per_strain: int = Field(100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]")
-    profile: bool = Field(False, description="print where the time of the run went")
+    strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
+    steady_from: float = Field(
+        default=1.0, ge=0, le=1e4, description="strain from which the steady state is averaged [1]"
+    )
+    rows_per_strain: int = Field(
+        default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
+    )
+    profile: bool = Field(default=False, description="print where the time of the run went")
     effects: list[dict] = Field(
-        [],
+        default=[],
         description="effects beside elasticity, damping and friction, or in place of those of the same kind: tables "
         "with name = NAME and its parameters in SI units, see lsm list --effects",
     )
     target_error: float | None = Field(
-        None,
+        default=None,
         ge=1e-6,
         le=1,
         description="half-width of the 95 % interval that the mean friction shall have; sets strain, seeds and step; "
         "none: as given [1]",
     )
-    step_safety: float = Field(0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
+    step_safety: float = Field(default=0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {"length": 20.0, "layer_thickness": 12.0, "inertial_number": 5e-3, "strain": 2.0},

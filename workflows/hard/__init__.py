@@ -43,7 +43,7 @@ def hard(title, measure, bound, unit="1", f32_bound=None, excepted=""):
     """Decorator of a function (bench) -> value that is a hard case; see Case."""
 
     def case_of(run):
-        why = " ".join(inspect.getdoc(run).split())
+        why = " ".join((inspect.getdoc(run) or "").split())
         return Case(run.__name__, title, why, measure, unit, bound, run, f32_bound, excepted)
 
     return case_of

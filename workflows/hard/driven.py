@@ -62,7 +62,7 @@ def presses():
 def pressing(bench):
     """(greatest speed of a press over the limit, greatest deviation of its stress at the end over the target)."""
     sim = bench.simulate(presses())
-    fastest = deviation = 0.0
+    fastest, deviation = 0.0, np.zeros(len(PRESSES))
     pieces = bench.steps(4000, 800)
     for piece in range(pieces):
         sim.run(25)
@@ -173,14 +173,15 @@ def momentum_of_the_parts(bench):
     force that stays in a list, pushes a part from nowhere."""
     sim = bench.simulate(chain())
     scale = MASS * np.abs(sim.scene.velocity[:, 0]).sum()
-    labels, before, worst = None, None, 0.0
+    parts = np.zeros(len(sim), int)
+    labels, before, worst = np.empty(0), None, 0.0
     for _ in range(bench.steps(20_000, 1000)):
         sim.run(1)  # to miss no contact of the parts
         parts, free = lsm.fragments(sim), sim.measure.sums()["contact_count"] == 0
         v = sim.state.velocity.to_numpy()
         now = np.stack([np.bincount(parts, MASS * v[:, a], len(v)) for a in (0, 1)])
         if not free or not np.array_equal(parts, labels):
-            labels, before = parts if free else None, None
+            labels, before = parts if free else np.empty(0), None
         elif before is None:  # velocities lag by half a step: only now is the last force in them
             before = now
         else:

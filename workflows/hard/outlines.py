@@ -1,6 +1,9 @@
 """Hard cases of grains of arcs in 2D: seams, flat sides, corners, notches, needles, stacks and crowds of them."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
@@ -151,8 +154,8 @@ def interlocked(bench):
     return worst
 
 
-def crowd(shapes, scale, seed, restitution, friction, speed=1.0):
-    """CROWD grains on a lattice in a periodic square, at random velocities and spins of `speed` [m s-1, s-1]."""
+def crowd(shapes, scale, seed, restitution, friction, speed: ArrayLike = 1.0):
+    """CROWD grains on a lattice in a periodic square, at random velocities of `speed` [m s-1; of rotation, s-1]."""
     rng = np.random.default_rng(seed)
     rows = int(np.ceil(np.sqrt(CROWD)))
     place = np.stack(np.divmod(np.arange(CROWD), rows), axis=1) + 0.5
@@ -210,8 +213,11 @@ def stars():
     star = lsm.union([lsm.place_part(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
     rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(16), 4), axis=1)
-    motion = {"velocity": rng.normal(0.0, 1.0, (16, 2)), "angular_velocity": rng.normal(0.0, 1.0, (16, 1))}
-    cell = {"lengths": (4 * pitch,) * 2, "periodic": (True, True), "angle": rng.uniform(0.0, 6.0, 16)}
+    motion: dict[str, Any] = {
+        "velocity": rng.normal(0.0, 1.0, (16, 2)),
+        "angular_velocity": rng.normal(0.0, 1.0, (16, 1)),
+    }
+    cell: dict[str, Any] = {"lengths": (4 * pitch,) * 2, "periodic": (True, True), "angle": rng.uniform(0.0, 6.0, 16)}
     return scene_of(place, [lsm.LinearElastic(STIFFNESS)], shapes=[star], **cell, **motion)
 
 

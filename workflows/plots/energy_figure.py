@@ -31,7 +31,7 @@ def plot_energy(path, rows, series, published):
     FigureCanvasAgg(figure)
     energy, error, against = figure.subplots(1, 3)
     first = series["onset_verlet"]
-    total = sum(first[n] for n in TERMS)
+    total = np.sum([first[n] for n in TERMS], axis=0)
     ms = 1e3 * first["time"]
     for name, style in zip(TERMS, ("-", "--", ":"), strict=True):
         energy.plot(ms, first[name] / total[0], style, label=name.split("_")[0], color="black")
@@ -42,7 +42,7 @@ def plot_energy(path, rows, series, published):
     energy.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, fontsize=8, frameon=False)
 
     for scheme, run in series.items():
-        total = sum(run[n] for n in TERMS)
+        total = np.sum([run[n] for n in TERMS], axis=0)
         miss = np.maximum(np.abs(total / total[0] - 1.0), 1e-9)
         error.semilogy(1e3 * run["time"][1:], miss[1:], color=COLOURS[scheme], lw=1, label=NAMES[scheme])
     error.axhline(published, color="grey", ls="--", lw=1)

@@ -74,7 +74,7 @@ def _sections(grains, now, off):
             shapely.points(scale[g] * p[:, :2]), np.sqrt(np.maximum(square, 0.0)), quad_segs=SEGMENTS
         )
         section = shapely.intersection_all(discs)
-        result.append(None if section.is_empty else np.array(section.exterior.coords))
+        result.append(None if section.is_empty else shapely.get_coordinates(shapely.get_exterior_ring(section)))
     return result
 
 

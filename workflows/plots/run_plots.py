@@ -8,6 +8,7 @@ import tomllib
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
 BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 COLOUR = {"sphere": BLUE, "angular": ORANGE}
 SMOOTH_STRAIN = 0.05  # width of the running mean of curves
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
     "axes.titlelocation": "left",
@@ -84,7 +85,7 @@ def plot_comparison(out):
     }
     series = {shape: [lsm.open_run(f / "run.nc") for f in of_shape] for shape, of_shape in folders.items() if of_shape}
     with _figure(out / "friction.png", (11, 8.4)) as figure:
-        upper, lower = figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03)
+        upper, lower = np.ravel(figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03))
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
         _draw_comparison(curves, series, found)

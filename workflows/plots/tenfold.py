@@ -38,7 +38,7 @@ class Bar:
 def default_of(found, curve):
     """(error, relative cost) of the default settings for a curve, None if they were not measured."""
     if curve.quantity == "friction":
-        judge, value = curve, getattr(shear_gouge.Params(**LAYER), curve.parameter.split(", ")[0])
+        judge, value = curve, getattr(shear_gouge.Params.model_validate(LAYER), curve.parameter.split(", ")[0])
     elif curve.quantity in OWN:  # of strain and seeds: one of them
         judge, value = curve, 1
     else:

@@ -39,7 +39,8 @@ LEGEND_ROW = 0.042  # of the height of a panel
 def named(parameter):
     """A parameter in words."""
     first, _, rest = parameter.partition(", ")
-    name = f"step of {NAMES[first]}" if first in NAMES else WORDS.get(first, first.replace("_", " "))
+    words = WORDS.get(first) or first.replace("_", " ")
+    name = f"step of {NAMES[first]}" if first in NAMES else words
     return name + (f", {SHAPES.get(rest, rest)}" if rest else "")
 
 
