@@ -1,8 +1,8 @@
 """What accuracy costs in time: error and cost of every choice that trades one for the other.
 
-Integrators and time steps, precision, force law, neighbour skin; patches and discs per grain, corner radius; stiffness and
-inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to our own discs at the
-default settings, timed in turn with nothing else running.
+Integrators and time steps, precision, force law, neighbour skin; patches and discs per grain, corner radius; stiffness
+and inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to our own discs
+at the default settings, timed in turn with nothing else running.
 """
 
 import json

@@ -1,7 +1,7 @@
 """The verification of Abe & Mora (2003): an elastic gas of random grains must keep its energy.
 
-Grains of about 30 patches fill the tiles of a periodic square, start with random velocities and no rotation, and collide
-elastically. The drift of the total energy is measured against the step for several integrators; the paper's scheme
+Grains of about 30 patches fill the tiles of a periodic square, start with random velocities and no rotation, and
+collide elastically. The drift of the total energy is measured against the step for several integrators; the paper's scheme
 kept it within 2.5 %.
 """
 
@@ -195,7 +195,7 @@ class Gas:
 
 
 def drift(series, shadow=False):
-    """max abs(E/E0 - 1) of a run, of the energy or of the shadow energy [1]."""
+    """Greatest abs(E/E0 - 1) of a run, of the energy or of the shadow energy [1]."""
     total = np.sum([series[n] for n in TERMS], axis=0)
     if shadow:
         total = total + series["shadow_correction"]

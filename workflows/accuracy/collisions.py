@@ -47,8 +47,11 @@ def pairs(scheme, law, per_contact, count, seed):
 
 
 def errors_of_pairs(sims, scheme, law, per_contact, count, seed):
-    """(greatest error of the energy of all pairs together during the collision, relative; rms over the phases of its
-    error after it; rms of the error of the distance, over what the grains fly in one contact)."""
+    """Errors of pairs of discs that collide once.
+
+    Greatest relative error of the energy of all pairs together during the collision; rms over the phases of its error
+    after it; rms of the error of the distance, over what the grains fly in one contact.
+    """
     scene, gap = pairs(scheme, law, per_contact, count, seed)
     sim = loaded(sims, (scheme, law), scene)
     start, during = lsm.energies(sim).balance, 0.0

@@ -22,14 +22,14 @@ class Curve:
     relative: np.ndarray
 
     def order(self):
-        """p of error ~ value^-p; nan for fewer than two points with an error."""
+        """Order p of error ~ value^-p; nan for fewer than two points with an error."""
         known = np.isfinite(self.error) & (self.error > 0.0)
         if known.sum() < 2:
             return math.nan
         return float(-np.polyfit(np.log(self.value[known]), np.log(self.error[known]), 1)[0])
 
     def slope(self):
-        """q of error ~ cost^-q: infinite where the error falls and the cost does not rise."""
+        """Exponent q of error ~ cost^-q: infinite where the error falls and the cost does not rise."""
         p, known = self.order(), np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
         if known.sum() < 2 or math.isnan(p):
             return math.nan
@@ -43,7 +43,7 @@ class Curve:
         return 10.0 ** (1.0 / self.slope())
 
     def resolved(self):
-        """Does the error change by more than two of its standard errors?"""
+        """Whether the error changes by more than two of its standard errors."""
         se = 2.0 * np.where(np.isfinite(self.error_se), self.error_se, 0.0)
         return bool(np.nanmax(self.error - se) > np.nanmin(self.error + se))
 

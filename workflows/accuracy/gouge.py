@@ -33,8 +33,10 @@ def layer(params: Any, shape: str, seed: int, **changes: float) -> shear_gouge.P
 
 
 def jobs_of(params, shape, parameters, out):
-    """{(parameter, setting, seed): job} of all runs, in turn: settings change first. Those of the base layer
-    share its runs."""
+    """{(parameter, setting, seed): job} of all runs, in turn: settings change first.
+
+    Those of the base layer share its runs.
+    """
     base = layer(params, shape, params.seed)
     jobs = {}
     for seed in seeds_of(params):
@@ -79,8 +81,10 @@ def measured(folder, of_run):
 
 
 def measure_parameters(params, shape, parameters, out, usual):
-    """(trials, {(parameter, setting, seed): measured}, usual) of these parameters; usual [s]: cost of the layer of
-    discs, None if it is to be found here."""
+    """Trials of these parameters, {(parameter, setting, seed): measured}, usual.
+
+    usual [s]: cost of the layer of discs, None if it is to be found here.
+    """
     jobs = jobs_of(params, shape, parameters, out)
     run_missing(list({job[0]: job for job in jobs.values()}.values()), 1)  # they are timed
     found = {key: measured(Path(job[3]), job[2]) for key, job in jobs.items()}

@@ -23,8 +23,10 @@ VARIABLES = {
 
 
 def write_trials(path, trials, attributes):
-    """Write the trials to the NetCDF file `path`, which appears whole or not at all; returns it opened. Combinations
-    that were not measured are NaN."""
+    """Write the trials to the NetCDF file `path`, which appears whole or not at all; returns it opened.
+
+    Combinations that were not measured are NaN.
+    """
     import xarray
 
     names = {name: list(dict.fromkeys(getattr(t, name) for t in trials)) for name in ("quantity", "parameter")}

@@ -83,7 +83,7 @@ def print_info(folder: Path) -> int:
     print("\nFiles:")
     width = max(len(str(p.relative_to(folder))) for p in files)
     for path in files:
-        print(f"  {str(path.relative_to(folder)):{width}}  {_contents(path)}".rstrip())
+        print(f"  {path.relative_to(folder)!s:{width}}  {_contents(path)}".rstrip())
     return 0
 
 

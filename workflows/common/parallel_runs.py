@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
@@ -270,10 +270,8 @@ def _redirect_output(log: str) -> None:
 
 def _set_title(title: str) -> None:
     """The name that top and ps show; only Linux has a file for it."""
-    try:
+    with suppress(OSError):
         Path("/proc/self/comm").write_text(title[:15])
-    except OSError:
-        pass
 
 
 def _sender(pipe: Any) -> Callable[[Any], None]:

@@ -95,7 +95,7 @@ def option_name(field: str) -> str:
 
 
 def nearest(word: str, names: Iterable[str]) -> str:
-    """ " Did you mean ...?" with the name most like `word`, or "" if none is."""
+    """Text " Did you mean ...?" with the name most like `word`, or "" if none is."""
     match = difflib.get_close_matches(str(word), list(names), n=1)
     return f" Did you mean {match[0]}?" if match else ""
 

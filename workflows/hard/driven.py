@@ -76,16 +76,20 @@ def pressing(bench):
 
 @hard("Servo of the wrong stiffness on one contact", "deviation of the stress from its target at rest", 1e-3)
 def servo_on_one_contact(bench):
-    """A press that counts on thirty contacts bears on one grain, with ten times its usual drag or a tenth. Servos
-    that take the velocity of the next step from the stress of the last one overshoot and oscillate ever more."""
+    """A press that counts on thirty contacts bears on one grain, with ten times its usual drag or a tenth.
+
+    Servos that take the velocity of the next step from the stress of the last one overshoot and oscillate ever more.
+    """
     _, deviation = pressing(bench)
     return max(deviation["stiff"], deviation["soft"])
 
 
 @hard("Servo without a contact", "greatest speed over the limit of speed", 1.0)
 def servo_in_flight(bench):
-    """A press that has lost its contacts has no force to balance: without a limit it falls ever faster and crushes the
-    layer as it lands."""
+    """A press that has lost its contacts has no force to balance.
+
+    Without a limit it falls ever faster and crushes the layer as it lands.
+    """
     return pressing(bench)[0]
 
 
@@ -132,15 +136,20 @@ def jammed(bench):
 
 @hard("Column under 10000 times its weight", "error of the force on the walls over the weight", 1e-3, f32_bound=0.2)
 def jammed_column_rests(bench):
-    """The weight is a ten-thousandth of the forces in the contacts: any force that does not cancel, and any motion that
-    does not die, hides it. At rest the walls carry the load and the weight."""
+    """The weight is a ten-thousandth of the forces in the contacts.
+
+    Any force that does not cancel, and any motion that does not die, hides it. At rest the walls carry the load and the
+    weight.
+    """
     return jammed(bench)[0]
 
 
 @hard("Energy of a jammed column", "error of the energy balance over the work done", 5e-6, f32_bound=1e-5)
 def jammed_column_energy(bench):
-    """A press falls at its limit of speed on a column without free space: all of its work must be found in contacts,
-    dashpots, slip and the drag of the servo."""
+    """A press falls at its limit of speed on a column without free space.
+
+    All of its work must be found in contacts, dashpots, slip and the drag of the servo.
+    """
     return jammed(bench)[1]
 
 
@@ -160,8 +169,11 @@ def chain(speed=1.05):
 
 @hard("Chain pulled apart", "relative error of the energy over the fracture", 5e-3)
 def chain_that_snaps(bench):
-    """Fifty bonded discs fly apart until a bond gives way: its energy goes at once, a wave runs through both parts, and
-    codes that drop the bond without booking what it held lose energy that they cannot name."""
+    """Fifty bonded discs fly apart until a bond gives way.
+
+    Its energy goes at once, a wave runs through both parts, and codes that drop the bond and do not count what it held
+    as dissipated lose energy that they cannot name.
+    """
     sim = bench.simulate(chain())
     worst = worst_balance(sim, bench.steps(200_000, 4000), 200)
     return worst if sim.measure.sums()["bond_count"] < LINKS else math.inf
@@ -169,8 +181,11 @@ def chain_that_snaps(bench):
 
 @hard("Momentum of the parts of a chain", "change of the momentum of a free part, relative", 1e-12, f32_bound=1e-7)
 def momentum_of_the_parts(bench):
-    """Each part of a chain that broke flies on freely. A bond that breaks for one of its grains before the other, or a
-    force that stays in a list, pushes a part from nowhere."""
+    """Each part of a chain that broke flies on freely.
+
+    A bond that breaks for one of its grains before the other, or a force that stays in a list, pushes a part from
+    nowhere.
+    """
     sim = bench.simulate(chain())
     scale = MASS * np.abs(sim.scene.velocity[:, 0]).sum()
     parts = np.zeros(len(sim), int)
@@ -190,8 +205,11 @@ def momentum_of_the_parts(bench):
 
 
 def layer():
-    """Twelve angular grains between rough platens: the bottom one is driven, the top one is pressed down by a servo and
-    held along the shear by a spring that is as stiff as the step allows."""
+    """Twelve angular grains between rough platens.
+
+    The bottom one is driven, the top one is pressed down by a servo and held along the shear by a spring that is as
+    stiff as the step allows.
+    """
     columns, rows, pitch = 4, 5, 0.92
     x, y = np.meshgrid(np.arange(columns), np.arange(rows))
     position = pitch * np.stack([x + 0.5 * (y % 2), y], axis=-1).reshape(-1, 2)
@@ -249,8 +267,10 @@ def height(sim):
 
 @functools.lru_cache(maxsize=1)
 def crept(bench):
-    """(change of the thickness [m], change of the shear force over the load, error of the orientations) of the layer
-    that is left alone under its load, over the last half of the time."""
+    """Changes of the layer that is left alone under its load, over the last half of the time.
+
+    Change of the thickness [m], change of the shear force over the load, error of the orientations.
+    """
     sim, half = at_rest(bench), bench.steps(5_000_000, 50_000)
     sim.run(half)
     before, tension = height(sim), float(sim.platens.force.to_numpy()[1, 0])
@@ -266,8 +286,10 @@ def crept(bench):
 
 @hard("Thickness over millions of steps at rest", "change of the thickness", 1e-8, unit="m", f32_bound=1e-6)
 def creep_of_the_thickness(bench):
-    """A layer of angular grains under a constant load does nothing, for millions of steps. Rounding that always goes
-    one way, or a spring of friction that loses a little in each step, makes it creep."""
+    """A layer of angular grains under a constant load does nothing, for millions of steps.
+
+    Rounding that always goes one way, or a spring of friction that loses a little in each step, makes it creep.
+    """
     return crept(bench)[0]
 
 
@@ -298,8 +320,10 @@ def strained(bench, cycles):
 
 @hard("Tiny cycles of shear", "compaction per cycle over the way of a cycle, last half", 1e-4, f32_bound=1e-2)
 def tiny_cycles(bench):
-    """Cycles of a hundred-thousandth of a diameter are elastic but for the slip of few contacts, and after some of them
-    purely elastic. A friction that slides at each reversal ratchets on."""
+    """Cycles of a hundred-thousandth of a diameter are elastic but for the slip of few contacts.
+
+    After some of them they are purely elastic. A friction that slides at each reversal ratchets on.
+    """
     _, heights = strained(bench, bench.steps(5000, 60))
     half = len(heights) // 2
     return abs(heights[-1] - heights[half]) / (len(heights) - 1 - half) / WAY
@@ -315,8 +339,10 @@ def error_over_work(sim, steps):
 
 @hard("Platen that jumps to its velocity", "error of the energy balance over the energy dissipated", 2e-3)
 def velocity_jump(bench):
-    """The bottom platen jumps to a tenth of a diameter per inertial time at once, and back: the work of an infinite
-    acceleration on a platen of finite mass must be booked with the mean velocity of the step."""
+    """The bottom platen jumps to a tenth of a diameter per inertial time at once, and back.
+
+    The work of an infinite acceleration on a platen of finite mass must be computed with the mean velocity of the step.
+    """
     sim = at_rest(bench)
     sim.platens.set("bottom", 0, lsm.ConstantVelocity(0.1))
     error = error_over_work(sim, bench.steps(500_000, 5000))
@@ -326,8 +352,10 @@ def velocity_jump(bench):
 
 @hard("Load point on a very soft spring", "error of the energy balance over the energy dissipated", 2e-3)
 def soft_spring(bench):
-    """On a spring ten thousand times softer than the grains the layer waits, then slips by many diameters in one event,
-    at a speed that its inertia alone bounds, and the servo loses its contacts."""
+    """On a spring ten thousand times softer than the grains the layer waits, then slips at once.
+
+    It slips by many diameters in one event, at a speed that its inertia alone bounds, and the servo loses its contacts.
+    """
     sim = at_rest(bench)
     soft = 1e-4 * STIFFNESS
     sim.platens.set("top", 0, spring(20.0, soft))
@@ -338,8 +366,10 @@ def soft_spring(bench):
 
 @hard("Load point on the stiffest spring", "error of the energy balance over the energy dissipated", 2e-3)
 def stiffest_spring(bench):
-    """The spring is as stiff as the step allows, thousands of times stiffer than the grains: its own oscillation takes
-    six steps, and must neither grow nor feed on the grains."""
+    """The spring is as stiff as the step allows, thousands of times stiffer than the grains.
+
+    Its own oscillation takes six steps, and must neither grow nor feed on the grains.
+    """
     sim = at_rest(bench)
     sim.platens.set("top", 0, spring(0.05, INERTIA / sim.dt**2))
     return error_over_work(sim, bench.steps(1_000_000, 20_000))

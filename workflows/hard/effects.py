@@ -88,8 +88,10 @@ def while_touching(sim, watch=lambda: None, most=20_000):
 
 
 def shaken(bench, sim, speed, full, short):
-    """(error of the energy balance over the energy dissipated [1], share of the times at which a contact slid) while
-    the floor moves to and fro at `speed` [m s-1] for random times."""
+    """Error of the energy and share of sliding while the floor moves to and fro at `speed` [m s-1] for random times.
+
+    Error of the energy balance over the energy dissipated [1]; share of the times at which a contact slid [1].
+    """
     rng, sliding = np.random.default_rng(3), []
     begin = lsm.energies(sim).balance
     for turn in range(bench.steps(full, short)):
@@ -102,8 +104,10 @@ def shaken(bench, sim, speed, full, short):
 
 @hard("Impact at the smallest restitution", "error of the coefficient of restitution 0.01", 2e-3)
 def smallest_restitution(bench):
-    """The dashpot for a restitution of 0.01 is far overdamped: its rate, not that of the spring, bounds the step. In
-    codes whose step knows the spring alone, such contacts diverge or throw the grains back."""
+    """The dashpot for a restitution of 0.01 is far overdamped: its rate, not that of the spring, bounds the step.
+
+    In codes whose step knows the spring alone, such contacts diverge or throw the grains back.
+    """
     worst = 0.0
     for speed in np.geomspace(0.1, 10.0, bench.steps(11, 2)):
         sim = bench.simulate(impact(speed, gap=1e-3, restitution=0.01))
@@ -115,17 +119,22 @@ def smallest_restitution(bench):
 
 @hard("Hundreds of elastic impacts", "relative error of the energy", 3e-3)
 def elastic_impacts(bench):
-    """Two discs that bounce on each other and on a floor without any loss. Where the force begins inside a step Verlet
-    makes an error, and over many impacts such errors add up like a random walk; they have to stay within the ripple
-    that Verlet shows inside one contact, a tenth of the square of its phase per step."""
+    """Two discs that bounce on each other and on a floor without any loss.
+
+    Where the force begins inside a step Verlet makes an error, and over many impacts such errors add up like a random
+    walk; they have to stay within the ripple that Verlet shows inside one contact, a tenth of the square of its phase
+    per step.
+    """
     sim = bench.simulate(bouncing())
     return worst_balance(sim, bench.steps(400_000, 20_000), bench.steps(4000, 200))
 
 
 @hard("Dashpot stronger than any restitution", "0 if refused with the reason", 0.0)
 def restitution_out_of_range(bench):
-    """A restitution of 0 or below 0.01 asks for a dashpot without bound, and with it for a step of zero: some codes
-    take it and return numbers that mean nothing."""
+    """A restitution of 0 or below 0.01 asks for a dashpot without bound, and with it for a step of zero.
+
+    Some codes take it and return numbers that mean nothing.
+    """
     return max(
         refused(lambda e=e: lsm.ViscousDamping(restitution=e), "restitution", "between 0.01 and 1")
         for e in (0.001, 0.0, -0.1, 1.001, math.nan)
@@ -134,8 +143,10 @@ def restitution_out_of_range(bench):
 
 @hard("Oblique impact without friction", "greatest change of a spin", 0.0, unit="rad s-1")
 def frictionless_oblique_impact(bench):
-    """With a friction coefficient of zero no torque may act on a disc: its spin must keep every bit. Divisions by the
-    limit of friction and torques from rounded normals break this."""
+    """With a friction coefficient of zero no torque may act on a disc: its spin must keep every bit.
+
+    Divisions by the limit of friction and torques from rounded normals break this.
+    """
     angular_velocity = np.array([3.0, -7.0])
     sim, worst = bench.simulate(impact(1.0, 0.5, angular_velocity)), 0.0
     for offset in np.linspace(0.05, 0.95, bench.steps(40, 4)):
@@ -147,8 +158,10 @@ def frictionless_oblique_impact(bench):
 
 @hard("Oblique impact with friction 10", "growth of the stored energy or error of the balance, relative", 1e-2)
 def friction_of_ten(bench):
-    """A contact that practically never slides throws its tangential spring to and fro: what the spring holds must be
-    cut back with the normal force as the grains part, or it becomes energy from nowhere."""
+    """A contact that practically never slides throws its tangential spring to and fro.
+
+    What the spring holds must be cut back with the normal force as the grains part, or it becomes energy from nowhere.
+    """
     worst = 0.0
     for offset, turn in zip(np.linspace(0.1, 0.9, n := bench.steps(40, 4)), np.linspace(-4.0, 4.0, n), strict=True):
         sim = bench.simulate(impact(1.0, offset, (turn, turn), friction=10.0, restitution=0.9))
@@ -161,16 +174,22 @@ def friction_of_ten(bench):
 
 @hard("Sliding reversed again and again", "error of the energy balance over the energy dissipated", 1e-5)
 def sliding_reversed(bench):
-    """The floor under two discs jumps from one velocity to the opposite at random times: each time the springs of
-    friction must let go, pass through zero and slide the other way, and all work must be booked."""
+    """The floor under two discs jumps from one velocity to the opposite at random times.
+
+    Each time the springs of friction must let go, pass through zero and slide the other way, and all work must be
+    accounted for.
+    """
     sim = bench.simulate(resting(friction=0.3, restitution=0.5))
     return shaken(bench, sim, 1.0, 20_000, 400)[0]
 
 
 @hard("Static friction far above dynamic friction", "error of the energy balance over the energy dissipated", 1e-5)
 def static_above_dynamic(bench):
-    """Grains on a shaken floor stick at a coefficient of 1 and slide at one of 0.05: where the contact gives way the
-    force drops at once by a factor of twenty, and what the spring held must be booked as lost."""
+    """Grains on a shaken floor stick at a coefficient of 1 and slide at one of 0.05.
+
+    Where the contact gives way the force drops at once by a factor of twenty, and what the spring held must count as
+    dissipated.
+    """
     sim = bench.simulate(resting(friction=1.0, dynamic=0.05, restitution=0.5))
     error, sliding = shaken(bench, sim, 0.5, 20_000, 400)
     return error if 0.05 < sliding < 0.95 else math.inf
@@ -178,8 +197,10 @@ def static_above_dynamic(bench):
 
 @hard("Grazing contacts of about one step", "relative error of the energy", 1e-5)
 def grazing_contacts(bench):
-    """Fast grains that graze each other overlap for about one step: the contact is seen once, twice or never. The error
-    may be no more than the work of the deepest force over the way of a step, k L^4/16 at a way L."""
+    """Fast grains that graze each other overlap for about one step: the contact is seen once, twice or never.
+
+    The error may be no more than the work of the deepest force over the way of a step, k L^4/16 at a way L.
+    """
     rng, worst, way = np.random.default_rng(1), 0.0, 0.05
     dt = 0.3 * impact(1.0).stable_dt()
     for _ in range(bench.steps(400, 8)):
@@ -193,8 +214,10 @@ def grazing_contacts(bench):
 
 @hard("Rolling resistance brings a disc to rest", "spin left, over the amplitude of elastic rocking", 1.05)
 def rolling_to_rest(bench):
-    """A couple against rolling that always acts at its limit never lets a grain rest: it overshoots and spins the
-    grain backwards. With its elastic part the grain rocks by no more than that holds."""
+    """A moment against rolling that always acts at its limit never lets a grain rest.
+
+    It overshoots and turns the grain back. With its elastic share the grain rocks by no more than that holds.
+    """
     sim = bench.simulate(rolling())
     sim.run(int(2.0 / sim.dt))
     worst = 0.0
@@ -206,8 +229,11 @@ def rolling_to_rest(bench):
 
 @hard("Cohesive pair at the edge of escape", "error of the energy over the depth of the well", 5e-4)
 def cohesive_pair(bench):
-    """Two cohesive grains swing out almost to where attraction ends, or just beyond. Codes that let attraction act on
-    touching grains only, or drop pairs at the reach, create or lose the energy of the well; who should escape must."""
+    """Two cohesive grains swing out almost to where attraction ends, or just beyond.
+
+    Codes that let attraction act on touching grains only, or drop pairs at the reach, create or lose the energy of the
+    well; who should escape must.
+    """
     worst = 0.0
     for part in (0.5, 0.999, 1.001):
         sim = bench.simulate(cohesive(part * escape_speed()))
@@ -237,8 +263,11 @@ def rolling():
 
 
 def rocking_spin():
-    """Greatest spin [rad s-1] that the elastic couple and the spring of friction can leave to a disc at their limits:
-    the amplitudes of rocking without slip and of the slip that the friction of the braked disc starts."""
+    """Greatest angular velocity [rad s-1] that rolling resistance and friction leave to a disc.
+
+    It is what their springs hold at their limits: the amplitudes of rocking without slip and of the slip that the
+    friction of the braked disc starts.
+    """
     radius, k_t = 0.5, 0.5 * STIFFNESS
     contact_moment = ROLLING * radius * MASS * G
     rocking = contact_moment / math.sqrt(ROLLING_STIFFNESS * 1.5 * MASS * radius**2)

@@ -35,16 +35,22 @@ def flown(bench, scene, steps):
 
 @hard("Coordinates of 1e5 diameters", "difference of the ways from those near 0, in diameters", 1e-7, f32_bound=1e-5)
 def far_from_the_origin(bench):
-    """After long shear grains have gone many times around the cell. In single precision a coordinate of 1e5 diameters
-    is known to a hundredth of a diameter, ten times an overlap; positions are kept in double precision always."""
+    """After long shear grains have gone many times around the cell.
+
+    In single precision a coordinate of 1e5 diameters is known to a hundredth of a diameter, ten times an overlap;
+    positions are kept in double precision always.
+    """
     near, far = (flown(bench, gas(offset=x), BEFORE_CHAOS) for x in (0.0, 1e5))
     return float(np.abs(near - far).max())
 
 
 @hard("List rebuilt in every step, and never", "difference of the positions, in diameters", 0.0)
 def any_list(bench):
-    """The list of neighbours is a matter of speed: whether it is rebuilt in every step or never, whatever the order in
-    which pairs are found, the same bits must come out."""
+    """The list of neighbours is a matter of speed.
+
+    Whether it is rebuilt in every step or never, whatever the order in which pairs are found, the same bits must come
+    out.
+    """
     steps = bench.steps(20_000, STEPS)
     every, never = flown(bench, gas(skin=1e-9), steps), flown(bench, gas(skin=2.0), steps)
     return float(np.abs(every - never).max())
@@ -52,8 +58,10 @@ def any_list(bench):
 
 @hard("Two grains in the same place", "started simulations of two", 0.0)
 def coincident_centres(bench):
-    """Between coincident centres there is no normal: a division by zero, and a NaN that spreads. Both grains are named,
-    discs as well as grains of arcs."""
+    """Between coincident centres there is no normal: a division by zero, and a NaN that spreads.
+
+    Both grains are named, discs as well as grains of arcs.
+    """
     round_grains = gas()
     round_grains.position[1] = round_grains.position[0]
     return named_at_start(bench, round_grains) + named_at_start(bench, angular_pair(0.0))
@@ -85,8 +93,10 @@ def scattered(distance):
 
 @hard("Collisions spread over a million diameters", "collisions that were missed", 0.0)
 def spread_in_open_space(bench):
-    """A grid of cells that covers everything would hold 1e12 of them; hashed cells hold grains from far apart in one
-    list. No collision may be missed, and none added."""
+    """A grid of cells that covers everything would hold 1e12 of them.
+
+    Hashed cells hold grains from far apart in one list. No collision may be missed, and none added.
+    """
     scene = scattered(1e6)
     sim = bench.simulate(scene)
     sim.run(STEPS)
@@ -112,8 +122,10 @@ def no_grain(bench):
 
 @hard("Grain larger than half of its cell", "accepted cells of two that are too small", 0.0)
 def cell_too_small(bench):
-    """A grain that meets its neighbour on both sides, or its own image, needs more than the nearest image: a code that
-    looks at one loses a contact without a word. The least length is named."""
+    """A grain that meets its neighbour on both sides, or its own image, needs more than the nearest image.
+
+    A code that looks at one loses a contact without a word. The least length is named.
+    """
     effects = [lsm.LinearElastic(STIFFNESS)]
     cells = ({"lengths": (1.9, 9.0), "periodic": (True, False)}, {"lengths": (9.0, 0.5), "periodic": (False, True)})
     return float(sum(math.isinf(refused(lambda c=c: scene_of([(0, 0)], effects, **c), "must be >=")) for c in cells))

@@ -32,8 +32,10 @@ def rotated_outline(shape, angle):
 
 
 def impact(shapes, angles, velocity=1.0, height=0.0, angular_velocity=(0.0, 0.0), gap=0.01, **more):
-    """Two grains that fly at each other along x, the second `height` [m] above the first, `gap` [m] between the lines
-    that bound them; velocity [m s-1] of approach."""
+    """Two grains that fly at each other along x with a velocity [m s-1] of approach.
+
+    The second is `height` [m] above the first, `gap` [m] lies between the lines that bound them.
+    """
     ahead = rotated_outline(shapes[0], angles[0])[:, 0].max() - rotated_outline(shapes[1], angles[1])[:, 0].min() + gap
     flight = 0.5 * velocity * np.array([(1.0, 0.0), (-1.0, 0.0)])
     more = {"effects": [lsm.LinearElastic(STIFFNESS)], "shapes": list(shapes), "shape_index": [0, 1]} | more
@@ -48,8 +50,11 @@ def impact(shapes, angles, velocity=1.0, height=0.0, angular_velocity=(0.0, 0.0)
 
 @hard("Seams hit at grazing angles", "relative error of the energy in one impact", 1e-3)
 def grazing_seams(bench):
-    """Spinning grains brush each other, and the contact runs over many seams between patches. Where the normal jumps at
-    a seam, every crossing costs or gives energy; here it is continuous, only its rate of change jumps."""
+    """Spinning grains brush each other, and the contact runs over many seams between patches.
+
+    Where the normal jumps at a seam, every crossing costs or gives energy; here it is continuous, only its rate of
+    change jumps.
+    """
     shapes = lsm.random_angular_shapes(8, 1)
     rng, worst = np.random.default_rng(1), 0.0
     for _ in range(bench.steps(40, 4)):
@@ -62,8 +67,10 @@ def grazing_seams(bench):
 
 @hard("Flat side on flat side", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def flat_on_flat(bench):
-    """Two boxes meet face on face, exactly parallel or tilted by 1e-12 to 1e-3: the place of the contact is not
-    defined, or races along the faces while they tilt."""
+    """Two boxes meet face on face, exactly parallel or tilted by 1e-12 to 1e-3.
+
+    The place of the contact is not defined, or races along the faces while they tilt.
+    """
     square = box(1.0, 1.0)
     tilts = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)
     return max(error_of_impact(bench, impact((square, square), (0.0, tilt))) for tilt in tilts)
@@ -71,8 +78,11 @@ def flat_on_flat(bench):
 
 @hard("Flat side on flat side, exactly parallel", "spin after the impact, times diameter over speed", 1e-6)
 def parallel_faces_do_not_turn(bench):
-    """Nothing in a symmetric impact prefers a side. Codes with several contact points, or a search that stops at the
-    first patch that fits, turn the grains all the same."""
+    """Nothing in a symmetric impact prefers a side.
+
+    Codes with several contact points, or a search that stops at the first patch that fits, turn the grains all the
+    same.
+    """
     square = box(1.0, 1.0)
     sim = bench.simulate(impact((square, square), (0.0, 0.0)))
     sim.run(4000)
@@ -89,8 +99,10 @@ def corner_on_corner(bench):
 
 @hard("Sharp corner pressed to 0.8 of its cap", "relative error of the energy in one impact", 1e-4)
 def sharp_corner(bench):
-    """A corner of radius 0.01 d carries a contact only to twice that depth: beyond, the patches behind it take over the
-    wrong side. Just below, all must still be smooth."""
+    """A corner of radius 0.01 d carries a contact only to twice that depth.
+
+    Beyond, the patches behind it take over the wrong side. Just below, all must still be smooth.
+    """
     square = box(1.0, 1.0, corner_radius=0.01)
     mass = 1000.0 * np.pi / 4.0
     deepest = 0.8 * 2.0 * 0.01
@@ -100,8 +112,10 @@ def sharp_corner(bench):
 
 @hard("Needles of 10:1 that hit at their tips", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def needle_tips(bench):
-    """A needle hit at its tip spins up, and its other end may come back for a second impact. Its moment of inertia
-    makes the contact many times stiffer than that of a disc, which the step has to know."""
+    """A needle hit at its tip spins up, and its other end may come back for a second impact.
+
+    Its moment of inertia makes the contact many times stiffer than that of a disc, which the step has to know.
+    """
     needle = box(10.0, 1.0)
     half = float(rotated_outline(needle, 0.0)[:, 0].max())
     heights = (0.98 * half, 0.9 * half, 0.5 * half)
@@ -124,8 +138,11 @@ def cross_pair(angles, **more):
 
 @hard("Corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def into_a_notch(bench):
-    """A corner that enters the notch of a cross touches both of its arms at once. Codes with one contact per pair of
-    grains lose one of them, codes that join overlaps into one get the direction of the force wrong."""
+    """A corner that enters the notch of a cross touches both of its arms at once.
+
+    Codes with one contact per pair of grains lose one of them, codes that join overlaps into one get the direction of
+    the force wrong.
+    """
     angles = ((0.25 * np.pi, 0.0), (0.25 * np.pi, 0.3), (0.25 * np.pi + 1e-6, 0.0))
     return max(error_of_impact(bench, cross_pair(a)) for a in angles)
 
@@ -190,16 +207,20 @@ def worst_error(bench, scene, full, short):
 
 @hard("Crowd of needles and angular grains", "error of stored and dissipated energy over that of the start", 5e-3)
 def needles_in_a_crowd(bench):
-    """Elongated and angular grains with friction and damping, in contact at several places and turning fast: the sum of
-    all errors of contacts and of booking may not feed the crowd."""
+    """Elongated and angular grains with friction and damping, in contact at several places and turning fast.
+
+    The sum of all errors of contacts and of the dissipated energy may not feed the crowd.
+    """
     shapes = [box(3.0, 1.0), *lsm.random_angular_shapes(6, 2)]
     return worst_error(bench, crowd(shapes, 0.55, 3, 0.6, 0.5), 200_000, 4000)
 
 
 @hard("Grains of sizes 1:20", "relative error of the energy", 1e-3)
 def sizes_of_grains(bench):
-    """Small grains among large ones in one list and one step: the smallest sets the step, the largest the cells, and a
-    small corner meets faces that look like planes."""
+    """Small grains among large ones in one list and one step.
+
+    The smallest sets the step, the largest the cells, and a small corner meets faces that look like planes.
+    """
     shapes = lsm.random_angular_shapes(6, 2)
     scale = np.full(CROWD, 0.08)
     scale[::10] = 1.6
@@ -223,14 +244,18 @@ def stars():
 
 @hard("Gas of stars", "relative error of the energy", 1e-3, f32_bound=FLAT)
 def gas_of_stars(bench):
-    """The circles of the parts of a grain reach out of the circle that bounds it as closely as possible. Where one is
-    used in place of the other, a contact is looked for too late, and arms pass through each other."""
+    """The circles of the parts of a grain reach out of the circle that bounds it as closely as possible.
+
+    Where one is used in place of the other, a contact is looked for too late, and arms pass through each other.
+    """
     return worst_error(bench, stars(), 200_000, 10_000)
 
 
 def stack(count=4):
-    """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping. Their faces
-    bulge a little; without a damping of all motion they would rock on them for ever, as they should."""
+    """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping.
+
+    Their faces bulge a little; without a damping of all motion they would rock on them for ever, as they should.
+    """
     slab = box(4.0, 1.0)
     height = 2.0 * rotated_outline(slab, 0.0)[:, 1].max()
     middle = (np.arange(count) + 0.5) * (height + 1e-3) + 1e-3
@@ -248,8 +273,10 @@ def stack(count=4):
 
 @hard("Stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)
 def stack_at_rest(bench):
-    """Large faces that rest on each other: the contact may wander from end to end and rock the stack for ever, or let
-    it creep."""
+    """Large faces that rest on each other.
+
+    The contact may wander from end to end and rock the stack for ever, or let it creep.
+    """
     sim = bench.simulate(stack())
     sim.run(bench.steps(400_000, 40_000))
     return lsm.energies(sim).kinetic / (1000.0 * np.pi / 4.0 * G)

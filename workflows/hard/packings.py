@@ -46,8 +46,11 @@ def giant_and_dwarfs():
 
 @hard("Sizes 1:100, masses 1:1e6", "relative error of the energy", 1e-3)
 def giant_among_dwarfs(bench):
-    """The smallest sphere sets the time step and the largest the size of the cells; the sum of forces on the giant is a
-    million times the force on a dwarf, in which small ones drown if they are added carelessly."""
+    """The smallest sphere sets the time step and the largest the size of the cells.
+
+    The sum of forces on the giant is a million times the force on a dwarf, in which small ones drown if they are added
+    carelessly.
+    """
     sim = bench.simulate(giant_and_dwarfs())
     start, worst = lsm.energies(sim).balance, 0.0
     for _ in range(20):
@@ -70,8 +73,10 @@ def overlapping(seed):
 
 @hard("Packing that overlaps at the start", "greatest energy over the elastic energy at the start", 1.001)
 def overlapping_start(bench):
-    """Discs thrown in at random hold a thousand times the energy of a layer under stress. All of it is released, and no
-    more: nothing may be shot through its neighbours, and damping must take it up."""
+    """Discs thrown in at random hold a thousand times the energy of a layer under stress.
+
+    All of it is released, and no more: nothing may be shot through its neighbours, and damping must take it up.
+    """
     sim = bench.simulate(overlapping(1))
     stored = lsm.energies(sim).elastic
     most = 0.0
@@ -109,8 +114,10 @@ def jammed(overlap):
     excepted="the rounding of lengths of one diameter, 6e-8, is some per cent of an overlap of 1e-6 diameters",
 )
 def very_stiff(bench):
-    """Overlaps of a millionth of a diameter are the small difference of lengths of one diameter: ten digits must be
-    left of them, and contacts open and close all the time."""
+    """Overlaps of a millionth of a diameter are the small difference of lengths of one diameter.
+
+    Ten digits must be left of them, and contacts open and close all the time.
+    """
     sim = bench.simulate(jammed(1e-6))
     start, worst = lsm.energies(sim).balance, 0.0
     for _ in range(20):
@@ -131,8 +138,10 @@ def sheared():
 
 @hard("Sizes 1:4 in a sheared cell", "error of the energy balance over the work of shearing", 1e-3)
 def polydisperse_shear(bench):
-    """Grains cross the border at speed and meet their neighbours' images, small ones between large ones; the work of
-    the shear must be what is dissipated and stored."""
+    """Grains cross the border at speed and meet their neighbours' images, small ones between large ones.
+
+    The work of the shear must be what is dissipated and stored.
+    """
     sim = bench.simulate(sheared())
     sim.run(2000)
     begin = lsm.energies(sim)

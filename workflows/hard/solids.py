@@ -46,8 +46,10 @@ CORNER_FIRST = after(turn(Y, np.arctan(np.sqrt(0.5))), EDGE_FIRST)
 
 
 def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), angular_velocity=None, kinds=(0, 1)):
-    """Two grains, of the shapes `kinds`, that fly at each other along x, the second `offset` [m] aside; velocity
-    [m s-1] of approach."""
+    """Two grains that fly at each other along x with a velocity [m s-1] of approach.
+
+    They have the shapes `kinds`, and the second is `offset` [m] aside.
+    """
     ahead = max(s.bounding_radius for s in shapes) * 2.0 + 0.01
     flight = 0.5 * velocity * np.array([X, -X])
     return scene_of(
@@ -85,8 +87,10 @@ def brushing_edges(bench):
 
 @hard("Edge on parallel edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def parallel_edges(bench):
-    """Two cubes meet edge on edge, exactly parallel or tilted by 1e-9 to 1e-3: the nearest points of two parallel lines
-    are not defined, and a solver for them divides by zero."""
+    """Two cubes meet edge on edge, exactly parallel or tilted by 1e-9 to 1e-3.
+
+    The nearest points of two parallel lines are not defined, and a solver for them divides by zero.
+    """
     cube = box(1.0, 1.0, 1.0)
     tilts = (0.0, 1e-9, 1e-3)
     return worst_impact(bench, (impact((cube, cube), (EDGE_FIRST, after(turn(X, a), EDGE_FIRST))) for a in tilts))
@@ -103,8 +107,10 @@ def crossed_edges(bench):
 
 @hard("Face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def face_on_face(bench):
-    """Two faces that meet exactly parallel touch everywhere at once; tilted by 1e-9, the contact point runs across the
-    face in a few steps."""
+    """Two faces that meet exactly parallel touch everywhere at once.
+
+    Tilted by 1e-9, the contact point runs across the face in a few steps.
+    """
     cube = box(1.0, 1.0, 1.0)
     return worst_impact(bench, (impact((cube, cube), (AS_IT_IS, turn(Y, a))) for a in (0.0, 1e-9, 1e-3)))
 
@@ -121,8 +127,10 @@ def corners(bench):
 
 @hard("Needle of 10:1 hit at its tip", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def needle(bench):
-    """Two needles across each other meet near their tips: they spin up at once, about axes with moments of inertia a
-    hundred times apart."""
+    """Two needles across each other meet near their tips.
+
+    They spin up at once, about axes with moments of inertia a hundred times apart.
+    """
     rod = box(10.0, 1.0, 1.0)
     upright = turn(Z, 0.5 * np.pi)
     half = 0.5 * 10.0 * (np.pi / 60.0) ** (1.0 / 3.0)
@@ -160,8 +168,10 @@ def energies_of(sim, samples, every):
 
 @hard("Moments of inertia 1e4 apart", "relative error of the energy of a free rotor", 1e-3)
 def inertia_ratio(bench):
-    """A long rod that tumbles end over end and spins about its axis: the two rates are ten thousand times apart, and
-    Euler's equations are stiff."""
+    """A long rod that tumbles end over end and spins about its axis.
+
+    The two rates are ten thousand times apart, and Euler's equations are stiff.
+    """
     rod = box(2.0, 1.0, 1.0)
     rod = replace(rod, inertia=rod.inertia.max() * np.array([1e-4, 0.9, 1.0]))
     sim = bench.simulate(rotors(rod, (20.0, 1.0, 0.5)))
@@ -171,8 +181,10 @@ def inertia_ratio(bench):
 
 @hard("Half a radian per step", "change of the mean energy over a run", 1e-3)
 def half_a_radian_per_step(bench):
-    """A grain thrown out of a break may spin so fast that it turns by half a radian in one step. A scheme that is only
-    nearly symmetric warms it up or slows it down; here the energy may ripple, but has no trend."""
+    """A grain thrown out of a break may spin so fast that it turns by half a radian in one step.
+
+    A scheme that is only nearly symmetric warms it up or slows it down; here the energy may ripple, but has no trend.
+    """
     shape = box(1.5, 1.2, 0.8)
     dt = bench.simulate(rotors(shape, (1.0, 0.0, 0.0))).dt
     sim = bench.simulate(rotors(shape, np.array([0.6, 0.48, 0.64]) * 0.5 / dt, dt))
@@ -183,8 +195,10 @@ def half_a_radian_per_step(bench):
 
 @hard("Rotation about the middle axis", "relative error of the energy over all flips", 1e-4)
 def middle_axis(bench):
-    """Rotation about the axis of the middle moment is unstable: the grain flips over again and again. Schemes without
-    symmetry lose the rhythm and settle to another axis."""
+    """Rotation about the axis of the middle moment is unstable: the grain flips over again and again.
+
+    Schemes without symmetry lose the rhythm and settle to another axis.
+    """
     shape = box(1.5, 1.0, 0.7)
     middle = int(np.argsort(shape.inertia)[1])
     dt = bench.simulate(rotors(shape, (1.0, 0.0, 0.0))).dt

@@ -18,6 +18,7 @@ SWINGS = 400  # steps over which a swing must grow to be called unstable
 
 
 def elastic():
+    """Linear springs."""
     return [lsm.LinearElastic(STIFFNESS)]
 
 
@@ -56,15 +57,20 @@ def blow_up_step(bench):
 
 @hard("Step of 0.9 of the critical one", "greatest swing of a contact over its first", 1.01)
 def step_below_critical(bench):
-    """Verlet swings without growth up to the step 2/omega, where codes that judge a step by rules of thumb waste half
-    of it or pass it. The critical step is measured here: the blow-up step of two discs in contact."""
+    """Verlet oscillates without growth up to the step 2/omega.
+
+    Codes that judge a step by rules of thumb waste half of it or exceed it. The critical step is measured here: the
+    blow-up step of two discs in contact.
+    """
     return greatest_swing(bench.simulate(held_pair(0.9 * blow_up_step(bench))), bench.steps(20_000, SWINGS))
 
 
 @hard("Step of 1.1 of the critical one", "greatest swing of a contact over its first before the run is refused", 1.0)
 def step_above_critical(bench):
-    """Above the critical step a contact gains energy in every step and grains fly apart, often only after hours of a
-    run. It must be refused before the first step, with the step to use."""
+    """Above the critical step a contact gains energy in every step and grains fly apart.
+
+    Often they do only after hours of a run. It must be refused before the first step, with the step to use.
+    """
     dt = 1.1 * blow_up_step(bench)
     try:
         return greatest_swing(bench.simulate(held_pair(dt)), SWINGS)
@@ -84,8 +90,11 @@ def crowd(dt):
 
 @hard("Step that suits two grains, but not a crowd", "steps until the run is stopped with the step to use", 1.0)
 def step_of_a_pair_in_a_crowd(bench):
-    """A grain among six neighbours swings faster than one of a pair: a step that is stable while grains are loose can
-    become unstable when they are packed. The contacts that are there are counted while the simulation runs."""
+    """A grain among six neighbours swings faster than one of a pair.
+
+    A step that is stable while grains are loose can become unstable when they are packed. The contacts that are there
+    are counted while the simulation runs.
+    """
     try:
         sim = bench.simulate(crowd(0.95 * CRITICAL))
     except lsm.SimulationError as error:
@@ -109,8 +118,10 @@ def on_floor(speed, dt, stiffness=STIFFNESS, height=50.0):
 
 @hard("Impact that crosses half a grain in one step", "steps until the run is stopped", 1.0)
 def crossing_in_one_step(bench):
-    """A grain that moves by its own radius in a step may pass through another without ever being in contact: nothing in
-    the energies tells. Its way in a step is limited, and the error names the step to use."""
+    """A grain that moves by its own radius in a step may pass through another without ever being in contact.
+
+    Nothing in the energies tells. Its displacement in a step is limited, and the error names the step to use.
+    """
     dt = 0.05 * CRITICAL
     try:
         sim = bench.simulate(on_floor(0.5 / dt, dt))
@@ -121,8 +132,10 @@ def crossing_in_one_step(bench):
 
 @hard("Impact deeper than a contact can be", "overlap over the sum of the radii when the run is stopped", 0.999)
 def deeper_than_the_cap(bench):
-    """Soft grains hit hard overlap until their centres pass each other; then the contact pushes them through instead of
-    back. The run must stop before, not drop the contact."""
+    """Soft grains hit hard overlap until their centres pass each other.
+
+    Then the contact pushes them through instead of back. The run must stop before, not drop the contact.
+    """
     sim = bench.simulate(on_floor(10.0, 0.02 * CRITICAL))
     try:
         sim.run(1000)
@@ -133,8 +146,10 @@ def deeper_than_the_cap(bench):
 
 @hard("Velocity that is not a number", "steps until the run is stopped", 1.0)
 def not_a_number(bench):
-    """One NaN spreads from contact to contact through a whole packing, and every comparison with it is false: lists and
-    averages hide it for thousands of steps. The grain is named in the step in which its position is lost."""
+    """One NaN spreads from contact to contact through a whole packing, and every comparison with it is false.
+
+    Lists and averages hide it for thousands of steps. The grain is named in the step in which its position is lost.
+    """
     sim = bench.simulate(on_floor(1.0, 0.02 * CRITICAL))
     sim.run(20)
     velocity = sim.state.velocity.to_numpy()
@@ -159,8 +174,10 @@ def through_a_wall(bench):
 
 @hard("Scheme that feeds energy in", "energy over that of the start when the run is stopped", 1.5)
 def lost_balance(bench):
-    """The scheme as the paper prints it gains energy in every contact. A slow gain looks like physics, a hot granular
-    gas, until the balance of the energy is drawn up."""
+    """The scheme as the paper prints it gains energy in every contact.
+
+    A slow gain looks like physics, a hot granular gas, until the balance of the energy is drawn up.
+    """
     position = [[0.5, 0.5], [1.55, 0.5], [1.0, 1.45]]
     velocity = [[1.0, 0.3], [-1.0, 0.2], [0.1, -1.0]]
     cell = {"lengths": (3.0, 3.0), "periodic": (True, True)}

@@ -111,8 +111,10 @@ def _arc(middle, half):
 
 
 def draw_packing(axes, snapshot, marked=()):
-    """Draw the outlines coloured by velocity, glued grains grey, those with the numbers `marked` edged in red; returns
-    what a colour bar needs."""
+    """Draw the outlines coloured by velocity; returns what a colour bar needs.
+
+    Glued grains are grey, those with the numbers `marked` edged in red.
+    """
     from matplotlib.collections import PolyCollection
 
     period, y = snapshot.period, snapshot.position[:, 1]

@@ -127,7 +127,7 @@ def _name(shape):
 
 def _conditions(params, sheared):
     rate = float(sheared.inertial_number[len(sheared.time) // 2 :].mean())
-    size = f"{1e6 * params.smallest_diameter:g}–{1e6 * params.largest_diameter:g} µm"
+    size = f"{1e6 * params.smallest_diameter:g} to {1e6 * params.largest_diameter:g} µm"
     return (
         f"{params.dim}D gouge, grains {size}, normal stress {params.normal_stress / 1e6:g} MPa, "
         f"particle friction {params.friction:g}, inertial number {rate:.2g}, "

@@ -24,8 +24,10 @@ FARTHEST = 1e5  # times as long, at the border of the figure
 
 @dataclass(frozen=True)
 class Bar:
-    """A row: times at which a parameter reaches the error of the default and a tenth of it, over the default's time;
-    or, without such times, why (`note`)."""
+    """A row of the picture: times over the default's time, or why there are none (`note`).
+
+    begin, end: times at which the parameter reaches the error of the default and a tenth of it.
+    """
 
     quantity: str
     name: str

@@ -89,6 +89,6 @@ def plot_work_precision(path, found):
 
 
 def _narrow(axis):
-    """Does the axis span less than two decades?"""
+    """Whether the axis spans less than two decades."""
     low, high = axis.get_view_interval()
     return high < 100.0 * low
