@@ -1,4 +1,4 @@
-"""Error against cost: curves and their orders, plans for target errors, the file and the figures."""
+"""Error against cost: curves and their orders, plans for target errors, the file and the pictures."""
 
 import json
 
@@ -45,9 +45,7 @@ def test_curves_know_their_orders_and_what_ten_times_less_costs(trials):
     assert found["onset_verlet", AFTER].order() == pytest.approx(4.0)
     assert found["onset_verlet", AFTER].tenfold() == pytest.approx(10**0.25)
     assert found["symplectic_euler", DRIFT].tenfold() == pytest.approx(10.0)
-    assert found["explicit_euler", DRIFT].tenfold() == pytest.approx(1e10) or np.isinf(
-        found["explicit_euler", DRIFT].tenfold()
-    )
+    assert found["explicit_euler", DRIFT].tenfold() == np.inf  # of order 0.1: more time does not help
     assert found["velocity_verlet", DRIFT].cost_at(48.0**-2) == pytest.approx(0.02 * 48)
     assert order((1.0, 2.0, 4.0), (1.0, 0.25, 0.0625)) == pytest.approx(2.0)
 
@@ -56,7 +54,7 @@ def test_the_headline_is_taken_at_equal_error(trials):
     metrics = accuracy_cost.analyse(trials)
     for name in ("order_explicit_euler", "order_symplectic_euler", "order_verlet", "order_onset_verlet"):
         assert metrics[name].holds, name
-    assert metrics["cost_ratio_seed_scheme"].value == pytest.approx(48.0)  # 48^2 steps against 48
+    assert metrics["cost_ratio_paper_scheme"].value == pytest.approx(48.0)  # 48^2 steps against 48
     needed = 30.0**2  # discs for the error of 30 patches
     assert metrics["cost_ratio_clumps"].value == pytest.approx(1e-2 * needed / (1e-4 * 30))
     worse = [t for t in trials if t.quantity != AFTER or t.parameter != "onset_verlet"] + falling(
@@ -93,7 +91,7 @@ def test_file_and_figures_hold_every_trial(trials, tmp_path):
         assert (tmp_path / name).stat().st_size > 10_000
 
 
-def test_the_summary_ranks_knobs_by_the_time_for_a_tenth_of_the_error_of_the_default(trials):
+def test_the_summary_ranks_parameters_by_the_time_for_a_tenth_of_the_error_of_the_default(trials):
     bars = bars_of(curves(trials))
     gas = [bar for bar in bars if bar.quantity == DRIFT]
     assert [bar.name for bar in gas][-1] == "step of explicit Euler, as printed" and gas[-1].note == NEVER

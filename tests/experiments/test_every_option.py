@@ -208,7 +208,11 @@ def test_the_command_line_shows_no_traceback(tmp_path):
         "print([main(line.split()) for line in json.load(open('lines.json'))])\n"
     )
     process = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
     )
     assert process.returncode == 0 and process.stdout.strip() == str([2] * len(lines)), process.stderr
     assert "Traceback" not in process.stderr

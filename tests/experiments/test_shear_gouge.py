@@ -9,6 +9,7 @@ from pydantic import ValidationError
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common.parameters import SettingsError, merge
+from workflows.gouge import stages
 
 SHAPES = ("sphere", "angular")
 
@@ -18,7 +19,7 @@ def test_every_wrong_value_is_reported():
     with pytest.raises(SettingsError) as caught:
         merge(shear_gouge.Params, options=wrong)
     text = "\n".join(caught.value.problems)
-    assert "--normal-stress -5e6: must be a number, greater than 0." in text
+    assert "--normal-stress -5e6: must be a number, from 0.001 to 1e+12." in text
     assert "--shape anglar: must be one of sphere, angular. Did you mean angular?" in text
     assert "--grains many" in text and "--strain 0" in text
 
@@ -115,12 +116,12 @@ def test_the_speed_of_a_run_leaves_out_the_row_in_which_it_compiles(monkeypatch,
             layer.strain = self.step / (4 * rows)
 
     sim = Sim()
-    monkeypatch.setattr(shear_gouge, "_driven", lambda *given: None)
-    monkeypatch.setattr(shear_gouge, "SAMPLES_PER_ROW", 4)
-    monkeypatch.setattr(shear_gouge.time, "perf_counter", lambda: 100.0 * (sim.step > 0) + sim.step / 4)
+    monkeypatch.setattr(stages, "shear_drive", lambda *given: None)
+    monkeypatch.setattr(stages, "SAMPLES_PER_ROW", 4)
+    monkeypatch.setattr(stages.time, "perf_counter", lambda: 100.0 * (sim.step > 0) + sim.step / 4)
     params = SimpleNamespace(inertial_number=0.1, inertial_time=0.4 * rows, rows_per_strain=rows, strain=1.0)
     recorder = SimpleNamespace(row=lambda stage: None, snapshot=lambda: None)
-    assert shear_gouge.shear(sim, layer, recorder, params, lambda row: None) == pytest.approx(rate, nan_ok=True)
+    assert stages.shear(sim, layer, recorder, params, lambda row: None) == pytest.approx(rate, nan_ok=True)
 
 
 def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_rate(sheared):

@@ -22,7 +22,7 @@ from workflows.common.parameters import Params as BaseParams
 from workflows.common.metrics import Metric, write_summary
 
 
-class Law(BaseModel, extra="forbid"):
+class Effect(BaseModel, extra="forbid"):
     name: str
     stiffness: float = Field(1.0, gt=0)
 
@@ -37,7 +37,7 @@ class Params(BaseParams):
     time_step: float | None = Field(1e-3, gt=0, description="time step [s]")
     rough: bool = Field(True, description="rough platens")
     note: str = Field("", description="free text")
-    effects: list[Law] = Field([], description="force laws")
+    effects: list[Effect] = Field([], description="effects")
     act: str = Field("finish", description="what to do")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -76,8 +76,8 @@ def run(params, out, progress=None):
     if progress:
         progress({"strain": 0.5, "strain_total": 1.0, "friction": 0.31})
     (out / "process").write_text(f"{os.getpid()} {os.environ.get('OMP_NUM_THREADS')}")
-    figures = {"seed": Metric(params.seed, "1"), "stress": Metric(params.normal_stress, "Pa", 2e6, True)}
-    write_summary(out, "toy-run", params.preset_name, figures, quiet=progress is None)
+    metrics = {"seed": Metric(params.seed, "1"), "stress": Metric(params.normal_stress, "Pa", 2e6, True)}
+    write_summary(out, "toy-run", params.preset_name, metrics, quiet=progress is None)
 '''
 
 

@@ -68,7 +68,7 @@ class Params(pydantic.BaseModel):
     def preset_name(self) -> str | None:
         """The preset these parameters started from, or None if they were built in Python.
 
-        A cached property and no field: it labels a summary, but takes no part in equality or in the TOML.
+        A cached property and no field: it labels a summary, but is left out of equality and of the TOML.
         """
         return None
 

@@ -61,7 +61,7 @@ def cases_of(module):
 
 
 class Bench:
-    """Runs scenes for the cases of one process: scenes of equal make-up share one compiled simulation.
+    """Runs scenes for the cases of one process: scenes of an equal KernelSpec share one compiled simulation.
 
     precision: f64 or f32; short: fewer steps; off: names of guards that are switched off in all scenes.
     """
@@ -75,7 +75,7 @@ class Bench:
         return short if self.short else full
 
     def simulate(self, scene):
-        """A simulation at the start of `scene`; the last one of the same make-up must no longer be used."""
+        """A simulation at the start of `scene`; the last one of an equal KernelSpec must no longer be used."""
         scene.guards = replace(scene.guards, **self.off)
         kernel_spec = None if scene.platens else lsm.KernelSpec.of(scene)
         if kernel_spec in self._made:

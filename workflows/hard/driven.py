@@ -22,12 +22,12 @@ LINKS = 49
 G = 10.0  # [m s-2]
 HEAVY = 1e4  # load of the column over its weight
 ROWS = 10  # discs of the column
-WAY = 1e-5  # [m], of a cycle
+STROKE = 1e-5  # [m], of a cycle
 INERTIA = 2e4  # [kg], of the driven platen of the layer
 
 
 def effects_of(friction=0.5, stiffness=STIFFNESS):
-    """The laws of a grain in gouge."""
+    """The effects of a grain in gouge."""
     return [
         lsm.LinearElastic(stiffness),
         lsm.ViscousDamping(restitution=0.3),
@@ -171,7 +171,7 @@ def chain(speed=1.05):
 def chain_that_snaps(bench):
     """Fifty bonded discs fly apart until a bond gives way.
 
-    Its energy goes at once, a wave runs through both parts, and codes that drop the bond and do not count what it held
+    Its energy goes at once, a wave runs through both pieces, and codes that drop the bond and do not count what it held
     as dissipated lose energy that they cannot name.
     """
     sim = bench.simulate(chain())
@@ -179,29 +179,29 @@ def chain_that_snaps(bench):
     return worst if sim.measure.sums()["bond_count"] < LINKS else math.inf
 
 
-@hard("Momentum of the parts of a chain", "change of the momentum of a free part, relative", 1e-12, f32_bound=1e-7)
-def momentum_of_the_parts(bench):
-    """Each part of a chain that broke flies on freely.
+@hard("Momentum of the pieces of a chain", "change of the momentum of a free piece, relative", 1e-12, f32_bound=1e-7)
+def momentum_of_the_pieces(bench):
+    """Each piece of a chain that broke flies on freely.
 
-    A bond that breaks for one of its grains before the other, or a force that stays in a list, pushes a part from
+    A bond that breaks for one of its grains before the other, or a force that stays in a list, pushes a piece from
     nowhere.
     """
     sim = bench.simulate(chain())
     scale = MASS * np.abs(sim.scene.velocity[:, 0]).sum()
-    parts = np.zeros(len(sim), int)
+    pieces = np.zeros(len(sim), int)
     labels, before, worst = np.empty(0), None, 0.0
     for _ in range(bench.steps(20_000, 1000)):
-        sim.run(1)  # to miss no contact of the parts
-        parts, free = lsm.fragments(sim), sim.measure.sums()["contact_count"] == 0
+        sim.run(1)  # to miss no contact of the pieces
+        pieces, free = lsm.fragments(sim), sim.measure.sums()["contact_count"] == 0
         v = sim.state.velocity.to_numpy()
-        now = np.stack([np.bincount(parts, MASS * v[:, a], len(v)) for a in (0, 1)])
-        if not free or not np.array_equal(parts, labels):
-            labels, before = parts if free else np.empty(0), None
+        now = np.stack([np.bincount(pieces, MASS * v[:, a], len(v)) for a in (0, 1)])
+        if not free or not np.array_equal(pieces, labels):
+            labels, before = pieces if free else np.empty(0), None
         elif before is None:  # velocities lag by half a step: only now is the last force in them
             before = now
         else:
             worst = max(worst, float(np.abs(now - before).max()) / scale)
-    return worst if len(set(parts)) > 1 else math.inf
+    return worst if len(set(pieces)) > 1 else math.inf
 
 
 def layer():
@@ -306,19 +306,19 @@ def orientations_stay_unit(bench):
 
 
 def strained(bench, cycles):
-    """The layer after so many cycles in which its bottom goes to and fro by WAY."""
+    """The layer after so many cycles in which its bottom goes to and fro by STROKE."""
     sim, quarter = at_rest(bench), 250
-    speed = WAY / (quarter * sim.dt)
+    speed = STROKE / (quarter * sim.dt)
     heights = []
     for _ in range(cycles):
-        for way, steps in ((1.0, quarter), (-1.0, 2 * quarter), (1.0, quarter)):
-            sim.platens.set("bottom", 0, lsm.ConstantVelocity(way * speed))
+        for direction, steps in ((1.0, quarter), (-1.0, 2 * quarter), (1.0, quarter)):
+            sim.platens.set("bottom", 0, lsm.ConstantVelocity(direction * speed))
             sim.run(steps)
         heights.append(height(sim))
     return sim, np.array(heights)
 
 
-@hard("Tiny cycles of shear", "compaction per cycle over the way of a cycle, last half", 1e-4, f32_bound=1e-2)
+@hard("Tiny cycles of shear", "compaction per cycle over the stroke of a cycle, last half", 1e-4, f32_bound=1e-2)
 def tiny_cycles(bench):
     """Cycles of a hundred-thousandth of a diameter are elastic but for the slip of few contacts.
 
@@ -326,7 +326,7 @@ def tiny_cycles(bench):
     """
     _, heights = strained(bench, bench.steps(5000, 60))
     half = len(heights) // 2
-    return abs(heights[-1] - heights[half]) / (len(heights) - 1 - half) / WAY
+    return abs(heights[-1] - heights[half]) / (len(heights) - 1 - half) / STROKE
 
 
 def error_over_work(sim, steps):

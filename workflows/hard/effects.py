@@ -1,4 +1,4 @@
-"""Hard cases of the laws of contact: one grain or two, and the ends of the range of each parameter."""
+"""Hard cases of the force laws of contacts: one grain or two, and the ends of the range of each parameter."""
 
 import math
 
@@ -141,9 +141,9 @@ def restitution_out_of_range(bench):
     )
 
 
-@hard("Oblique impact without friction", "greatest change of a spin", 0.0, unit="rad s-1")
+@hard("Oblique impact without friction", "greatest change of an angular velocity", 0.0, unit="rad s-1")
 def frictionless_oblique_impact(bench):
-    """With a friction coefficient of zero no torque may act on a disc: its spin must keep every bit.
+    """With a friction coefficient of zero no torque may act on a disc: its angular velocity must keep every bit.
 
     Divisions by the limit of friction and torques from rounded normals break this.
     """
@@ -199,20 +199,20 @@ def static_above_dynamic(bench):
 def grazing_contacts(bench):
     """Fast grains that graze each other overlap for about one step: the contact is seen once, twice or never.
 
-    The error may be no more than the work of the deepest force over the way of a step, k L^4/16 at a way L.
+    The error may be no more than the work of the deepest force over the path of a step, k L^4/16 at a path L.
     """
-    rng, worst, way = np.random.default_rng(1), 0.0, 0.05
+    rng, worst, path = np.random.default_rng(1), 0.0, 0.05
     dt = 0.3 * impact(1.0).stable_dt()
     for _ in range(bench.steps(400, 8)):
-        offset = 1.0 - rng.random() * way**2 / 8.0
-        sim = bench.simulate(impact(way / dt, offset, gap=way * (1.0 + rng.random()), dt=dt))
+        offset = 1.0 - rng.random() * path**2 / 8.0
+        sim = bench.simulate(impact(path / dt, offset, gap=path * (1.0 + rng.random()), dt=dt))
         begin = lsm.energies(sim).balance
         sim.run(8)
         worst = max(worst, abs(lsm.energies(sim).balance / begin - 1.0))
     return worst
 
 
-@hard("Rolling resistance brings a disc to rest", "spin left, over the amplitude of elastic rocking", 1.05)
+@hard("Rolling resistance brings a disc to rest", "angular velocity left, over the amplitude of elastic rocking", 1.05)
 def rolling_to_rest(bench):
     """A moment against rolling that always acts at its limit never lets a grain rest.
 
@@ -229,26 +229,26 @@ def rolling_to_rest(bench):
 
 @hard("Cohesive pair at the edge of escape", "error of the energy over the depth of the well", 5e-4)
 def cohesive_pair(bench):
-    """Two cohesive grains swing out almost to where attraction ends, or just beyond.
+    """Two cohesive grains move out almost to where attraction ends, or just beyond.
 
     Codes that let attraction act on touching grains only, or drop pairs at the reach, create or lose the energy of the
     well; who should escape must.
     """
     worst = 0.0
-    for part in (0.5, 0.999, 1.001):
-        sim = bench.simulate(cohesive(part * escape_speed()))
+    for share in (0.5, 0.999, 1.001):
+        sim = bench.simulate(cohesive(share * escape_speed()))
         begin = lsm.energies(sim).balance
         for _ in range(bench.steps(10_000, 300)):
             sim.run(10)
             worst = max(worst, abs(lsm.energies(sim).balance - begin))
         gap = float(np.ptp(sim.state.position.to_numpy()[:, 0])) - 1.0
-        if (gap > WELL["distance"]) != (part > 1.0):
+        if (gap > WELL["distance"]) != (share > 1.0):
             return math.inf
     return worst / well_depth()
 
 
 def rolling():
-    """Two discs that roll on the floor, apart from each other, one each way."""
+    """Two discs that roll on the floor, apart from each other, in opposite directions."""
     speed = 0.5
     return scene(
         [(0.0, REST), (5.0, REST)],

@@ -104,7 +104,7 @@ def spread_in_open_space(bench):
     return float((~turned_back).sum()) / 2.0
 
 
-@hard("One grain", "error of its way over a diameter", 1e-9)
+@hard("One grain", "error of its displacement over a diameter", 1e-9)
 def one_grain(bench):
     """No pair, an empty list, a cell that is all its own neighbours: the grain flies on as if nothing was there."""
     cell = {"lengths": (3.0, 3.0), "periodic": (True, True)}
@@ -124,7 +124,7 @@ def no_grain(bench):
 def cell_too_small(bench):
     """A grain that meets its neighbour on both sides, or its own image, needs more than the nearest image.
 
-    A code that looks at one loses a contact without a word. The least length is named.
+    A code that considers one loses a contact without a word. The least length is named.
     """
     effects = [lsm.LinearElastic(STIFFNESS)]
     cells = ({"lengths": (1.9, 9.0), "periodic": (True, False)}, {"lengths": (9.0, 0.5), "periodic": (False, True)})

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
@@ -76,7 +76,7 @@ def flat_on_flat(bench):
     return max(error_of_impact(bench, impact((square, square), (0.0, tilt))) for tilt in tilts)
 
 
-@hard("Flat side on flat side, exactly parallel", "spin after the impact, times diameter over speed", 1e-6)
+@hard("Flat side on flat side, exactly parallel", "angular velocity after the impact, times diameter over speed", 1e-6)
 def parallel_faces_do_not_turn(bench):
     """Nothing in a symmetric impact prefers a side.
 
@@ -91,13 +91,13 @@ def parallel_faces_do_not_turn(bench):
 
 @hard("Corner on corner", "relative error of the energy in one impact", 1e-4)
 def corner_on_corner(bench):
-    """Two rounded corners meet head on, or nearly: the smallest radii of curvature, and the normal swings fastest."""
+    """Two rounded corners meet head on, or nearly: the smallest radii of curvature, and the normal turns fastest."""
     square = box(1.0, 1.0)
     angles = ((0.25 * np.pi, 0.25 * np.pi), (0.25 * np.pi, 0.25 * np.pi + 1e-9), (0.7, 0.9))
     return max(error_of_impact(bench, impact((square, square), a)) for a in angles)
 
 
-@hard("Sharp corner pressed to 0.8 of its cap", "relative error of the energy in one impact", 1e-4)
+@hard("Sharp corner pressed to 0.8 of its overlap limit", "relative error of the energy in one impact", 1e-4)
 def sharp_corner(bench):
     """A corner of radius 0.01 d carries a contact only to twice that depth.
 
@@ -112,7 +112,7 @@ def sharp_corner(bench):
 
 @hard("Needles of 10:1 that hit at their tips", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def needle_tips(bench):
-    """A needle hit at its tip spins up, and its other end may come back for a second impact.
+    """A needle hit at its tip starts to rotate, and its other end may come back for a second impact.
 
     Its moment of inertia makes the contact many times stiffer than that of a disc, which the step has to know.
     """
@@ -171,7 +171,7 @@ def interlocked(bench):
     return worst
 
 
-def crowd(shapes, scale, seed, restitution, friction, speed: ArrayLike = 1.0):
+def crowd(shapes, scale, seed, restitution, friction, speed: float | NDArray = 1.0):
     """CROWD grains on a lattice in a periodic square, at random velocities of `speed` [m s-1; of rotation, s-1]."""
     rng = np.random.default_rng(seed)
     rows = int(np.ceil(np.sqrt(CROWD)))

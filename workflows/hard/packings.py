@@ -151,7 +151,7 @@ def polydisperse_shear(bench):
 
 
 def any_discs(seed):
-    """Any 36 discs: sizes, speeds, spins, stiffness, restitution and friction are drawn at random."""
+    """Any 36 discs: sizes, velocities, rotation, stiffness, restitution and friction are drawn at random."""
     rng = np.random.default_rng(seed)
     return any_grains(rng, [lsm.disc()], ROWS, rng.uniform(0.3, 0.95, ROWS**2))
 

@@ -10,7 +10,7 @@ from workflows.hard import error_of_impact, hard
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
 FLAT = 5e-3  # bound in f32: 1e-6 m, the rounding of face radii of some meters, is some 1e-3 of the overlaps
-LAWS = [lsm.LinearElastic(STIFFNESS)]
+EFFECTS = [lsm.LinearElastic(STIFFNESS)]
 X, Y, Z = np.eye(3)
 
 
@@ -54,7 +54,7 @@ def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), angular_velocity=None
     flight = 0.5 * velocity * np.array([X, -X])
     return scene_of(
         [(0.0, 0.0, 0.0), (ahead, *offset)],
-        LAWS,
+        EFFECTS,
         shapes=list(shapes),
         shape_index=kinds,
         orientation=np.array(turns),
@@ -70,7 +70,7 @@ def worst_impact(bench, scenes):
 
 @hard("Spinning grains that brush edges", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def brushing_edges(bench):
-    """Fast spins drag the contact over edges and seams at grazing angles within one impact."""
+    """Fast rotation drags the contact over edges and seams at grazing angles within one impact."""
     # first of its file: a compiled simulation has room for the shapes that it was made with
     shapes = lsm.random_angular_polyhedra(4, 1)
     rng = np.random.default_rng(2)
@@ -129,7 +129,7 @@ def corners(bench):
 def needle(bench):
     """Two needles across each other meet near their tips.
 
-    They spin up at once, about axes with moments of inertia a hundred times apart.
+    They start to rotate at once, about axes with moments of inertia a hundred times apart.
     """
     rod = box(10.0, 1.0, 1.0)
     upright = turn(Z, 0.5 * np.pi)
@@ -147,14 +147,14 @@ def plate(bench):
 
 
 def rotors(shape, angular_velocity, dt=None):
-    """Two grains of one shape far apart that spin [rad s-1] without forces, the second the other way."""
+    """Two grains of one shape far apart that rotate without forces, the second the other way."""
     apart = 10.0 * shape.bounding_radius
     more = {
         "shapes": [shape],
         "shape_index": [0, 0],
         "angular_velocity": np.array([angular_velocity, -np.asarray(angular_velocity)]),
     }
-    return scene_of([(0.0, 0.0, 0.0), (apart, 0.0, 0.0)], LAWS, dt=dt, **more)
+    return scene_of([(0.0, 0.0, 0.0), (apart, 0.0, 0.0)], EFFECTS, dt=dt, **more)
 
 
 def energies_of(sim, samples, every):
@@ -168,7 +168,7 @@ def energies_of(sim, samples, every):
 
 @hard("Moments of inertia 1e4 apart", "relative error of the energy of a free rotor", 1e-3)
 def inertia_ratio(bench):
-    """A long rod that tumbles end over end and spins about its axis.
+    """A long rod that tumbles end over end and turns about its axis.
 
     The two rates are ten thousand times apart, and Euler's equations are stiff.
     """
@@ -181,7 +181,7 @@ def inertia_ratio(bench):
 
 @hard("Half a radian per step", "change of the mean energy over a run", 1e-3)
 def half_a_radian_per_step(bench):
-    """A grain thrown out of a break may spin so fast that it turns by half a radian in one step.
+    """A grain thrown out of a break may rotate so fast that it turns by half a radian in one step.
 
     A scheme that is only nearly symmetric warms it up or slows it down; here the energy may ripple, but has no trend.
     """

@@ -13,8 +13,8 @@ MASS = 250.0 * np.pi  # of a disc of 1 m [kg]
 CRITICAL = np.sqrt(2.0 * MASS / STIFFNESS)  # 2/omega of two free discs in contact, omega^2 = 2 k/m [s]
 HELD = 0.01  # depth of two discs held together by cohesion [m]
 RANGE = 0.5  # of the cohesion [m]: so wide that it hardly changes the stiffness of the contact
-SWING = 1e-3  # of the held discs at the start [m]
-SWINGS = 400  # steps over which a swing must grow to be called unstable
+AMPLITUDE = 1e-3  # of the held discs at the start [m]
+OSCILLATION_STEPS = 400  # steps over which an oscillation must grow to be called unstable
 
 
 def elastic():
@@ -23,13 +23,13 @@ def elastic():
 
 
 def held_pair(dt, guards=None):
-    """Two discs that cohesion holds at the depth HELD, swinging about it by SWING."""
+    """Two discs that cohesion holds at the depth HELD, oscillating about it by AMPLITUDE."""
     effects = [*elastic(), lsm.Cohesion(pull_off_force=STIFFNESS * HELD, distance=RANGE)]
     more = {"guards": guards} if guards else {}
-    return scene_of([[0.0, 0.0], [1.0 - HELD + SWING, 0.0]], effects, dt=dt, **more)
+    return scene_of([[0.0, 0.0], [1.0 - HELD + AMPLITUDE, 0.0]], effects, dt=dt, **more)
 
 
-def greatest_swing(sim, steps):
+def greatest_oscillation(sim, steps):
     """Greatest distance from rest of the held discs over that of the start [1]; infinite if the run is stopped."""
     widest = 0.0
     for _ in range(steps):
@@ -39,33 +39,37 @@ def greatest_swing(sim, steps):
             return math.inf
         x = sim.state.position.to_numpy()[:, 0]
         widest = max(widest, abs(x[1] - x[0] - 1.0 + HELD))
-        if widest > 1e3 * SWING:
+        if widest > 1e3 * AMPLITUDE:
             break
-    return widest / SWING
+    return widest / AMPLITUDE
 
 
 def blow_up_step(bench):
-    """Measured critical step [s] of the held pair: the shortest at which its swing grows, by bisection."""
+    """Measured critical step [s] of the held pair: the shortest at which its oscillation grows, by bisection."""
     low, high = 0.5 * CRITICAL, 2.0 * CRITICAL
     free = lsm.Guards(step=None, displacement=None, energy=None)
     while high / low > 1.002:
         middle = math.sqrt(low * high)
-        grows = greatest_swing(bench.simulate(held_pair(middle, free)), SWINGS) > 10.0
+        grows = greatest_oscillation(bench.simulate(held_pair(middle, free)), OSCILLATION_STEPS) > 10.0
         low, high = (low, middle) if grows else (middle, high)
     return low
 
 
-@hard("Step of 0.9 of the critical one", "greatest swing of a contact over its first", 1.01)
+@hard("Step of 0.9 of the critical one", "greatest oscillation of a contact over its first", 1.01)
 def step_below_critical(bench):
     """Verlet oscillates without growth up to the step 2/omega.
 
     Codes that judge a step by rules of thumb waste half of it or exceed it. The critical step is measured here: the
     blow-up step of two discs in contact.
     """
-    return greatest_swing(bench.simulate(held_pair(0.9 * blow_up_step(bench))), bench.steps(20_000, SWINGS))
+    return greatest_oscillation(
+        bench.simulate(held_pair(0.9 * blow_up_step(bench))), bench.steps(20_000, OSCILLATION_STEPS)
+    )
 
 
-@hard("Step of 1.1 of the critical one", "greatest swing of a contact over its first before the run is refused", 1.0)
+@hard(
+    "Step of 1.1 of the critical one", "greatest oscillation of a contact over its first before the run is refused", 1.0
+)
 def step_above_critical(bench):
     """Above the critical step a contact gains energy in every step and grains fly apart.
 
@@ -73,7 +77,7 @@ def step_above_critical(bench):
     """
     dt = 1.1 * blow_up_step(bench)
     try:
-        return greatest_swing(bench.simulate(held_pair(dt)), SWINGS)
+        return greatest_oscillation(bench.simulate(held_pair(dt)), OSCILLATION_STEPS)
     except lsm.InputError as error:
         return 1.0 if "Scene.dt" in str(error) and "must be <=" in str(error) else math.inf
 
@@ -90,7 +94,7 @@ def crowd(dt):
 
 @hard("Step that suits two grains, but not a crowd", "steps until the run is stopped with the step to use", 1.0)
 def step_of_a_pair_in_a_crowd(bench):
-    """A grain among six neighbours swings faster than one of a pair.
+    """A grain among six neighbours oscillates faster than one of a pair.
 
     A step that is stable while grains are loose can become unstable when they are packed. The contacts that are there
     are counted while the simulation runs.
@@ -131,7 +135,7 @@ def crossing_in_one_step(bench):
 
 
 @hard("Impact deeper than a contact can be", "overlap over the sum of the radii when the run is stopped", 0.999)
-def deeper_than_the_cap(bench):
+def deeper_than_the_limit(bench):
     """Soft grains hit hard overlap until their centres pass each other.
 
     Then the contact pushes them through instead of back. The run must stop before, not drop the contact.
@@ -158,9 +162,9 @@ def not_a_number(bench):
     return steps_until_stopped(sim, 1000, "grain 1", "not a number")
 
 
-@hard("Grain shot at a wall that is too soft", "way of the centre beyond the wall at the stop, in radii", 0.2)
+@hard("Grain shot at a wall that is too soft", "displacement of the centre beyond the wall at the stop, in radii", 0.2)
 def through_a_wall(bench):
-    """Beyond a wall there is nothing to push a grain back once its centre has passed: it leaves the experiment."""
+    """Beyond a wall there is nothing to push a grain back once its centre has crossed it: it leaves the experiment."""
     scene = on_floor(0.0, 0.02 * CRITICAL, height=1.0)
     scene.velocity[:, 1] = -15.0
     sim = bench.simulate(scene)
@@ -176,7 +180,7 @@ def through_a_wall(bench):
 def lost_balance(bench):
     """The scheme as the paper prints it gains energy in every contact.
 
-    A slow gain looks like physics, a hot granular gas, until the balance of the energy is drawn up.
+    A slow gain looks like physics, a hot granular gas, until the balance of the energy is computed.
     """
     position = [[0.5, 0.5], [1.55, 0.5], [1.0, 1.45]]
     velocity = [[1.0, 0.3], [-1.0, 0.2], [0.1, -1.0]]

@@ -1,1 +1,1 @@
-"""Every figure."""
+"""Every picture that a workflow draws."""

@@ -1,4 +1,4 @@
-"""The figure of the energy-conservation experiment: the paper's Figure 4, the error, and the drift against the step."""
+"""The picture of the energy-conservation experiment: Figure 4 of the paper, error, and drift against the step."""
 
 import numpy as np
 

@@ -1,9 +1,9 @@
-"""The figure of the hard cases: how much of its bound each of them uses, in both precisions."""
+"""The picture of the hard cases: how much of its bound each of them uses, in both precisions."""
 
 import numpy as np
 
 COLOURS = {"f64": "#0072b2", "f32": "#e69f00"}
-LEAST = 1e-12  # part of a bound that is drawn; what is below lies at the border
+LEAST = 1e-12  # share of a bound that is drawn; what is below lies at the border
 
 
 def plot_cases(path, rows):

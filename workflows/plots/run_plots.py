@@ -85,7 +85,7 @@ def plot_comparison(out):
     }
     series = {shape: [lsm.open_run(f / "run.nc") for f in of_shape] for shape, of_shape in folders.items() if of_shape}
     with _figure(out / "friction.png", (11, 8.4)) as figure:
-        upper, lower = np.ravel(figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03))
+        upper, lower = np.array(figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03), dtype=object)
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
         _draw_comparison(curves, series, found)
@@ -278,8 +278,8 @@ def _draw_energy(axes, sheared):
     axes.plot(strain, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
     axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel=f"energy since shear began [{unit}]")
     axes.legend(loc="upper left", reverse=True)
-    part = residual / max(float(sheared.work_throughput[-1]), 1e-300)
-    axes.set_title(f"(d) energy budget; residual at most {100 * part:.1g} % of the work")
+    share = residual / max(float(sheared.work_throughput[-1]), 1e-300)
+    axes.set_title(f"(d) energy budget; residual at most {100 * share:.1g} % of the work")
 
 
 def _unit(greatest):

@@ -1,4 +1,4 @@
-"""The summary figure of accuracy against cost: what a tenth of the default's error costs, for each parameter."""
+"""The summary picture of accuracy against cost: what a tenth of the default's error costs, for each parameter."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ QUANTITIES = (*DEFAULTS, *OWN)
 NO_AXIS = "platen_diameter"  # of walls no roughness is the most accurate one
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
 FREE = 1.05  # times as long: less cannot be told from no time at all
-FARTHEST = 1e5  # times as long, at the border of the figure
+FARTHEST = 1e5  # times as long, at the border of the picture
 
 
 @dataclass(frozen=True)

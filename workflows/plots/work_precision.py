@@ -25,7 +25,7 @@ LABELS = {
     "energy after a collision": "energy after a collision, relative error",
     "energy drift of a gas": "energy of a gas, relative drift",
     "shape error": "outline, greatest distance / diameter",
-    "motion after an impact of ellipses": "velocities and spins, error / speed",
+    "motion after an impact of ellipses": "velocities of motion and rotation, error / speed",
     "friction": "mean friction, deviation",
     "statistical error of friction": "mean friction, statistical error",
 }
@@ -80,9 +80,9 @@ def plot_work_precision(path, found):
         axes.grid(True, which="major", color="0.9")
         entries = len(axes.get_legend_handles_labels()[0])
         if entries:
-            part = LEGEND_ROW * (entries + 1)  # of the height, above the lines
+            share = LEGEND_ROW * (entries + 1)  # of the height, above the lines
             low, high = axes.get_ylim()
-            axes.set_ylim(low, high * (high / low) ** (part / (1.0 - part)))
+            axes.set_ylim(low, high * (high / low) ** (share / (1.0 - share)))
             axes.legend(fontsize=7.5, frameon=False, loc="upper right")
     figure.suptitle("Error against time; in brackets the power of the time with which the error falls")
     figure.savefig(path, dpi=120)

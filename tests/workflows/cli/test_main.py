@@ -175,7 +175,7 @@ def test_help_shows_units_bounds_and_the_standard_defaults(plugins, capsys):
     assert "--normal-stress NUMBER normal stress on the layer [Pa]; greater than 0 [default: 1e+06]" in text
     assert "--dim INTEGER space dimensions; from 2 to 3 [default: 2]" in text
     assert "--rough --no-rough" in text and "--no-quiet" not in text
-    assert "Only in a TOML file (--config): laws." in text
+    assert "Only in a TOML file (--config): effects." in text
 
 
 def test_version(capsys):
@@ -186,7 +186,7 @@ def test_version(capsys):
 
 
 def test_list_shows_workflows_and_effects(plugins, capsys, monkeypatch):
-    effect = type("Law", (), {"__doc__": "A spring.\n\nMore."})
+    effect = type("Spring", (), {"__doc__": "A spring.\n\nMore."})
     effects = types.SimpleNamespace(find_effects=lambda: {"spring": effect})
     monkeypatch.setitem(sys.modules, "taichi_lsm.effects", effects)  # the real one imports Taichi
     assert main(["list"]) == 0
@@ -195,7 +195,7 @@ def test_list_shows_workflows_and_effects(plugins, capsys, monkeypatch):
     assert lines[-1] == "spring A spring."
 
 
-def test_info_shows_status_figures_and_dimensions(tmp_path, capsys):
+def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
     with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
         file.createDimension("time", 4)
         file.run_status = "interrupted"

@@ -49,14 +49,14 @@ def test_options_are_parsed_from_text(toy):
 
 def test_every_mistake_of_every_source_is_one_message(toy, tmp_path):
     scene = tmp_path / "scene.toml"
-    scene.write_text('grans = 5\nnormal_stress = -1.0\nseeds = [1, -2, -3]\nlaws = [{name = "x", stifness = 2}]\n')
+    scene.write_text('grans = 5\nnormal_stress = -1.0\nseeds = [1, -2, -3]\neffects = [{name = "x", stifness = 2}]\n')
     found = problems(toy.Params, "smok", scene, {"dim": "4", "shape": "sphre", "threads": "two"})
     expected = [
         "--preset smok: unknown preset, must be one of smoke, demo, standard, reference. Did you mean smoke?",
         f"grans = 5 ({scene}): unknown parameter. Did you mean grains?",
         f"--normal-stress -1.0 ({scene}): must be a number, greater than 0.",
         f"--seeds [1, -2, -3] ({scene}): must be a list of integers, at least 0.",
-        f"laws[0].stifness = 2 ({scene}): unknown key. Did you mean stiffness?",
+        f"effects[0].stifness = 2 ({scene}): unknown key. Did you mean stiffness?",
         "--dim 4: must be an integer, from 2 to 3.",
         "--shape sphre: must be one of sphere, angular. Did you mean sphere?",
         "--threads two: must be an integer, from 1 to 1024.",
