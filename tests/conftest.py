@@ -119,3 +119,18 @@ def sheared(runtime, tmp_path_factory):
         return made[shape]
 
     return get
+
+
+@pytest.fixture
+def pictures(monkeypatch):
+    """Figures of matplotlib that are saved during a test, in their order."""
+    from matplotlib.figure import Figure
+
+    saved, save = [], Figure.savefig
+
+    def keep(figure, *arguments, **options):
+        saved.append(figure)
+        return save(figure, *arguments, **options)
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return saved

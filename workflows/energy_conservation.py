@@ -1,8 +1,8 @@
 """The verification of Abe & Mora (2003): an elastic gas of random grains must keep its energy.
 
 Grains of about 30 patches fill the tiles of a periodic square, start with random velocities and no rotation, and
-collide elastically. The drift of the total energy is measured against the step for several integrators; the paper's scheme
-kept it within 2.5 %.
+collide elastically. The drift of the total energy is measured against the step for several integrators; the scheme of
+the paper kept it within 2.5 %.
 """
 
 import functools

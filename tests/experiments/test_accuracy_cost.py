@@ -13,7 +13,7 @@ from workflows.accuracy.table import lines_of
 from workflows.accuracy.trials_file import read_trials, write_trials
 from workflows.common.run_table import attributes_of
 from workflows.gouge import target_error
-from workflows.plots.tenfold import NEVER, bars_of, plot_summary
+from workflows.plots.tenfold import FARTHEST, NEVER, bars_of, plot_summary
 from workflows.plots.work_precision import plot_work_precision
 
 DRIFT, AFTER, DURING = "energy drift of a gas", "energy after a collision", "energy during a collision"
@@ -75,7 +75,7 @@ def test_a_skin_that_misses_a_pair_does_not_pass(trials):
     assert "  0.03 d                 error 1e-12 +- nan, time 1" in lines_of(skins(1e-12))
 
 
-def test_file_and_figures_hold_every_trial(trials, tmp_path):
+def test_the_file_holds_every_trial(trials, tmp_path):
     params = accuracy_cost.Params()
     table = write_trials(tmp_path / "accuracy.nc", trials, attributes_of(params, np.nan, "Accuracy", "Trials."))
     assert dict(table.sizes) == {"quantity": 4, "parameter": 7, "setting": 4, "replica": 2}
@@ -86,9 +86,27 @@ def test_file_and_figures_hold_every_trial(trials, tmp_path):
     assert np.isfinite(table.error.values).sum() == len(trials)
     assert table.run_status == "complete" and table.cost.units == "s"
     assert set(read_trials(tmp_path / "accuracy.nc")) == set(trials)
-    for draw, name in ((plot_work_precision, "work.png"), (plot_summary, "tenfold.png")):
-        draw(tmp_path / name, curves(trials))
-        assert (tmp_path / name).stat().st_size > 10_000
+
+
+def test_the_work_precision_diagram_shows_error_against_cost(trials, tmp_path, pictures):
+    found = curves(trials)
+    plot_work_precision(tmp_path / "work.png", found)
+    axes = next(axes for axes in pictures[0].get_axes() if axes.get_title() == "Gas of 225 grains of 30 arcs")
+    drawn = {container.get_label(): container.lines[0].get_data() for container in axes.containers}
+    curve = found["velocity_verlet", DRIFT]
+    assert np.allclose(drawn["step of velocity Verlet (2.0)"], (curve.relative, curve.error))
+    assert len(drawn) == 4 and axes.get_xscale() == axes.get_yscale() == "log"
+    assert axes.get_xlabel() == "time over that of discs at default settings [1]"
+
+
+def test_the_summary_draws_a_bar_for_each_parameter_that_has_one(trials, tmp_path, pictures):
+    bars = bars_of(curves(trials))
+    plot_summary(tmp_path / "tenfold.png", curves(trials))
+    (axes,) = pictures[0].get_axes()
+    drawn = [(bar.get_x(), bar.get_x() + bar.get_width()) for bar in axes.patches]
+    assert np.allclose(drawn, [(bar.begin, min(bar.end, FARTHEST)) for bar in bars if not bar.note])
+    assert [label.get_text() for label in axes.get_yticklabels()] == [bar.name for bar in bars]
+    assert axes.get_xlim() == (0.3, FARTHEST)
 
 
 def test_the_summary_ranks_parameters_by_the_time_for_a_tenth_of_the_error_of_the_default(trials):

@@ -1,4 +1,4 @@
-"""Both shapes under the same conditions: parameters of the runs, files, figures, and runs that fail."""
+"""Both shapes under the same conditions: parameters of the runs, files, metrics, pictures, and runs that fail."""
 
 import json
 import shutil
@@ -9,9 +9,11 @@ import pytest
 from pydantic import ValidationError
 
 import taichi_lsm as lsm
+from tests.helpers.pictures import curves, panels
 from workflows import compare_shapes, shear_gouge
 from workflows.cli import signals
 from workflows.common.parameters import SettingsError, merge
+from workflows.plots import run_plots
 
 SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 0.4, "steady_from": 0.2}
 
@@ -75,7 +77,7 @@ def test_files_are_there_and_every_variable_is_described(compared):
     out, _, _ = compared
     written = {p.name for p in out.iterdir()}
     assert written == {"compare.nc", "config.toml", "summary.json", "friction.png", "runs"}
-    assert (out / "friction.png").stat().st_size > 50_000
+    assert (out / "friction.png").read_bytes().startswith(b"\x89PNG")
     files = [out / "compare.nc", *out.glob("runs/*/*.nc")]
     assert len(files) == 9
     for path in files:
@@ -101,6 +103,24 @@ def test_the_replica_is_the_unit_of_the_errors(compared):
     assert metrics["energy_residual_max"]["holds"] is True
     assert metrics["seconds"]["value"] > 0
     assert set(compare_shapes.WORST.values()) <= set(shear_gouge.BOUNDS)
+
+
+def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compared, pictures):
+    out, table, _ = compared
+    run_plots.plot_comparison(out)
+    friction, published, round_layer, angular_layer = panels(pictures[0], "abcd")
+    estimates = compare_shapes.estimates(table)
+    labels = list(curves(friction))
+    for shape, name in (("sphere", "discs"), ("angular", "angular grains")):
+        mean, error = estimates[shape].mean, estimates[shape].standard_error
+        label = f"{name}: {mean:.3f} ± {error:.3f} (2 runs)"
+        assert label in labels
+        line = friction.lines[labels.index(label) + 1]
+        assert np.allclose(line.get_ydata(), mean) and line.get_xdata()[0] == SMALL["steady_from"]
+        bars = [bar.lines[0].get_xdata() for bar in published.containers]
+        assert any(np.allclose(x, mean) for x in bars if len(x))
+    assert friction.get_xlabel() == "shear strain [1]" and published.get_xlim() == (0.0, 0.7)
+    assert all(axes.collections for axes in (round_layer, angular_layer))
 
 
 def test_the_table_for_people_has_a_line_per_run(compared):

@@ -68,5 +68,5 @@ def test_a_failed_case_is_written_down_and_fails_the_command(tmp_path, monkeypat
 
 
 def test_unknown_kinds_are_refused(tmp_path):
-    with pytest.raises(lsm.InputError, match="--kinds softs: must be some of .*steps"):
+    with pytest.raises(lsm.InputError, match=r"--kinds softs: must be some of .*steps"):
         hard_cases.run(hard_cases.Params(kinds=["softs"]), tmp_path / "new")

@@ -197,7 +197,7 @@ def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeyp
         sim.run(1000)
 
     monkeypatch.setattr(shear_gouge, "shear", diverge)
-    with pytest.raises(lsm.SimulationError, match="grain 3 moves by .* use dt <=") as stopped:
+    with pytest.raises(lsm.SimulationError, match=r"grain 3 moves by .* use dt <=") as stopped:
         shear_gouge.run(params, tmp_path)
     assert stopped.value.grains == (3,) and [path.name for path in stopped.value.saved] == ["stopped.nc"]
     assert {"stopped.nc", "stopped.png"} <= {path.name for path in tmp_path.iterdir()}

@@ -15,6 +15,7 @@ import netCDF4
 import pytest
 from rich.console import Console
 
+from taichi_lsm.core.errors import InputError
 from workflows.cli.main import main
 from workflows.cli.progress import ProgressLine, format_line
 from workflows.common.metrics import Metric, write_summary
@@ -138,6 +139,43 @@ def test_the_errors_of_a_run(plugins, tmp_path, capsys, act, code, words):
     assert main(["toy-run", "--act", act, "--out", "new/deep"]) == code
     assert words in capsys.readouterr().err
     assert (tmp_path / "new").exists() == (code == 1)  # bad input leaves nothing behind
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(MemoryError(), "not enough memory"), (OSError(28, "No space left on device"), "No space left")],
+)
+def test_what_the_machine_refuses_is_one_line(toy, monkeypatch, capsys, error, words):
+    def run(params, out, progress):
+        raise error
+
+    monkeypatch.setattr(toy, "run", run)
+    assert main(["toy-run", "--quiet"]) == 1
+    text = capsys.readouterr().err
+    assert words in text and text.count("\n") == 1
+
+
+def test_the_check_of_a_workflow_comes_before_its_folder(toy, monkeypatch, tmp_path, capsys):
+    def check(params):
+        raise InputError(f"--grains {params.grains}: must be <= 5; choose fewer")
+
+    monkeypatch.setattr(toy, "check", check, raising=False)
+    (tmp_path / "file").write_text("")
+    assert main(["toy-run", "--out", "file"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "lsm: --grains 600: must be <= 5; choose fewer" and "--out file" in lines[1]
+
+
+def test_a_reader_that_leaves_ends_the_command_quietly(plugins, tmp_path):
+    (tmp_path / "full").mkdir()
+    for i in range(5000):  # more lines than a pipe holds
+        (tmp_path / f"full/{i:04d}{'x' * 60}").touch()
+    write_summary(tmp_path / "full", "toy-run", None, {"drift": Metric(0.02, "1")}, quiet=True)
+    process = start("info", "full")
+    assert process.stdout.readline() != ""
+    process.stdout.close()
+    assert process.wait(timeout=60) == 128 + signal.SIGPIPE
+    assert process.stderr.read() == ""
 
 
 def test_a_broken_plugin_is_bad_input(plugins, capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from taichi_lsm.core.errors import InputError
 from workflows.common.parallel_runs import ReplicaError, run_replicas
 
 ROOT = Path(__file__).parents[3]
@@ -39,6 +40,21 @@ def test_a_failure_is_named_and_the_others_go_on(toy, tmp_path):
     assert "SIGKILL" in caught.value.failures["kill"]
     assert "run crash failed" in str(caught.value)
     assert (tmp_path / "finish/summary.json").exists()
+
+
+def test_what_all_runs_refuse_is_one_mistake_of_the_user(toy, tmp_path):
+    jobs = [
+        (f"run-{seed}", "workflows.toy_run", toy.Params(act="reject", seed=seed), tmp_path / "x") for seed in (1, 2)
+    ]
+    with pytest.raises(InputError) as caught:
+        run_replicas(jobs)
+    assert str(caught.value) == "grains 600: do not fit"
+
+
+def test_a_run_that_fails_says_why_without_a_traceback(toy, tmp_path):
+    with pytest.raises(ReplicaError) as caught:
+        run_replicas([("one", "workflows.toy_run", toy.Params(act="diverge"), tmp_path / "x")])
+    assert caught.value.failures == {"one": "diverged at step 7"}
 
 
 def test_labels_must_differ(toy, tmp_path):

@@ -1,9 +1,10 @@
-"""Pictures: the grains' true outlines in their places, and figures that are written."""
+"""Pictures: the grains' true outlines in their places, and curves of what the files hold."""
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from tests.helpers.pictures import curves, panels
 from workflows.plots import layer_pictures, run_plots
 
 
@@ -70,8 +71,39 @@ def test_only_checked_references_are_drawn():
     assert [row[2] for row in rows if row[5]] == ["discs 2D, Latham 2005", "spheres 3D, Latham 2005"]
 
 
-def test_the_figure_of_a_run_is_written(sheared):
+def test_the_picture_of_a_run_is_written(sheared):
     folder, _, _ = sheared("angular")
     path = run_plots.plot_run(folder)
-    assert path == folder / "run.png"
-    assert path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 30_000
+    assert path == folder / "run.png" and path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
+    folder, params, dataset = sheared("angular")
+    run_plots.plot_run(folder)
+    rows = dataset.isel(time=dataset.stage.values == 2)
+    strain = rows.shear_strain.values
+    friction, layer, thickness, energy = panels(pictures[0], "abcd")
+
+    drawn = curves(friction)
+    assert np.array_equal(drawn["in the bulk"][0], strain)
+    assert np.array_equal(drawn["in the bulk"][1], rows.friction.values)
+    steady = lsm.steady_ratio(rows.shear_stress, rows.normal_stress, params.steady_from)
+    label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
+    assert np.allclose(drawn[label], [(params.steady_from, strain[-1]), (steady.mean, steady.mean)])
+    assert friction.get_xlim() == (0.0, strain[-1]) and friction.get_xlabel() == "shear strain [1]"
+
+    snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
+    glued, mobile, _ = (len(collection.get_paths()) for collection in layer.collections)
+    assert glued >= snapshot.glued.sum() and mobile >= (~snapshot.glued).sum()  # those at a border twice
+    assert layer.get_xlim() == (0.0, snapshot.period) and layer.get_xlabel() == "x [mm]"
+
+    (height,) = thickness.lines
+    assert np.array_equal(height.get_ydata(), 1e3 * rows.layer_thickness.values)
+    assert thickness.get_ylabel() == "layer thickness [mm]"
+
+    work = (rows.external_work - rows.external_work[0]).values
+    shown = curves(energy)["work of the platens"][1]
+    factor = shown[-1] / work[-1]
+    assert np.allclose(shown, factor * work) and np.log10(factor) == pytest.approx(round(np.log10(factor)))
+    unit = {0: "J", 3: "mJ", 6: "µJ", 9: "nJ", 12: "pJ"}[round(np.log10(factor))]
+    assert energy.get_ylabel() == f"energy since shear began [{unit}]"
