@@ -5,32 +5,42 @@ and inertial number, size of the layer, strain and seeds, roughness of the walls
 at the default settings, timed in turn with nothing else running.
 """
 
+from __future__ import annotations
+
 import json
 import math
+import os
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from workflows import shear_gouge
-from workflows.accuracy import collisions, gas, gouge, outlines
+from workflows.accuracy import Trial, collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import in_fresh_process
+from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import attributes_of
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
 
+if TYPE_CHECKING:
+    import xarray
+
 Parameter = Literal[
     "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
 ]
 LEAST_LONG = 3.0  # strain
+
+
+Report = Callable[[str, str], None]  # takes label and state
 
 
 class Params(BaseParams):
@@ -149,7 +159,7 @@ def check(params: Params) -> None:
             shear_gouge.check(gouge.layer(params, shape, seed))
 
 
-def numerical(params, report):
+def numerical(params: Params, report: Report) -> list[Trial]:
     """Trials of integrators, steps, precision, force law and skin."""
     trials = []
     for law in collisions.FORCE_LAWS:
@@ -175,7 +185,7 @@ def numerical(params, report):
     return trials + of_gas
 
 
-def of_shapes(params, report):
+def of_shapes(params: Params, report: Report) -> list[Trial]:
     """Trials of patches, discs per clump and corner radius."""
     wanted = [("round", 0)] + [("patches", n) for n in params.patches] + [("discs", n) for n in params.discs]
     wanted += [("corner", r) for r in params.corners]
@@ -193,7 +203,7 @@ def of_shapes(params, report):
     return trials + [replace(t, relative=relative.get(t.value, np.nan)) for t in moved if t.value in relative]
 
 
-def physical(params, out, report):
+def physical(params: Params, out: Path, report: Report) -> tuple[list[Trial], list[dict[str, Any]]]:
     """(trials of the physical choices, rows of the table for target errors)."""
     trials, rows, usual = [], [], None
     for shape in dict.fromkeys(params.shapes + params.long_shapes):
@@ -209,7 +219,7 @@ def physical(params, out, report):
     return trials, rows
 
 
-def analyse(trials):
+def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
     """Metrics of the trials."""
     found = curves(trials)
 
@@ -249,7 +259,7 @@ def analyse(trials):
     return metrics
 
 
-def run(params, out, progress=None):
+def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
     """Measure everything; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`.
 
     Returns accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned.

@@ -4,9 +4,12 @@ Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; the
 its standard error take the replica as the unit.
 """
 
+from __future__ import annotations
+
+import os
 import time
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -15,11 +18,14 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.cli import signals
 from workflows.common.metrics import Metric, number, write_summary
-from workflows.common.parallel_runs import run_replicas
+from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
 from workflows.plots import run_plots
+
+if TYPE_CHECKING:
+    import xarray
 
 SHAPES = ("sphere", "angular")
 
@@ -131,7 +137,7 @@ def build(params: Params) -> dict[str, shear_gouge.Params]:
     }
 
 
-def run(params, out, progress=None):
+def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
     """Shear both shapes; writes compare.nc, friction.png, summary.json and runs/ to `out`.
 
     Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files hold what is
@@ -164,7 +170,7 @@ def run(params, out, progress=None):
     return table
 
 
-def collect(runs, params, out, run_status):
+def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_status: str) -> xarray.Dataset:
     """Write compare.nc from the files of the runs, and return it; what a run did not reach is NaN."""
     rows, steps = [], []
     for label, of_run in runs.items():
@@ -196,7 +202,7 @@ def collect(runs, params, out, run_status):
     )
 
 
-def estimates(table):
+def estimates(table: xarray.Dataset) -> dict[str, Any]:
     """Shape -> friction over the complete runs of this shape, the replica as the unit; shapes without any left out."""
     found = {}
     for shape in SHAPES:
@@ -206,7 +212,7 @@ def estimates(table):
     return found
 
 
-def analyse(table):
+def analyse(table: xarray.Dataset) -> dict[str, Metric]:
     """Metrics of the comparison; None where no run gives a value."""
     found, metrics = estimates(table), {}
     for shape in SHAPES:
@@ -223,7 +229,7 @@ def analyse(table):
     return metrics
 
 
-def table_text(table):
+def table_text(table: xarray.Dataset) -> str:
     """One line per run, for people."""
     titles = ("shape", "seed", "status", "friction", "error", "samples", "at platen", "I", "energy residual")
     lines: list[tuple[str, ...]] = [titles]

@@ -5,22 +5,30 @@ collide elastically. The drift of the total energy is measured against the step 
 the paper kept it within 2.5 %.
 """
 
+from __future__ import annotations
+
 import functools
+import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import fresh_processes
+from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import in_terms_of
-from workflows.common.run_table import attributes_of, write_runs
+from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.plots.energy_figure import plot_energy
+
+if TYPE_CHECKING:
+    import xarray
 
 PUBLISHED_DRIFT = 0.025  # Abe & Mora (2003), Figure 4
 BOUNDS = {  # of the drift at 50 and at 100 steps per contact, by dimension
@@ -42,6 +50,7 @@ ORDERS = {  # names of the metrics, by scheme: the order is measured in 2D
 CONES = {"cones": 0.0, "cones_that_miss_seams": 1.0}  # general patches with the default integrator, in missed seams
 
 
+Series = dict[str, NDArray]  # time [s] and energies [J] of the samples of a run
 MOST_PROBED = 400  # grains that are made in a second or two
 MOST_STEPS = 500_000_000  # of a run; those for the order are four times as long, and are counted in 32 bits
 
@@ -113,7 +122,7 @@ def check(params: Params) -> None:
         build(params, params.order_grains, params.seed, 50, "onset_verlet")
 
 
-def build(params, grains, seed, steps_per_contact, scheme) -> "lsm.Scene":
+def build(params: Params, grains: int, seed: int, steps_per_contact: float, scheme: str) -> lsm.Scene:
     """One elastic gas; `steps_per_contact` fixes the step through the contact duration pi sqrt(m/(2k))."""
     p = params
     side = grains ** (1.0 / p.dim)
@@ -166,10 +175,10 @@ def _packing(dim, grains, seed, corner_radius, gap, detail):
 class Gas:
     """Runs many scenes of one scheme and size through one compiled simulation."""
 
-    def __init__(self, params, scheme):
+    def __init__(self, params: Params, scheme: str) -> None:
         self.params, self.scheme, self.sims = params, scheme, {}
 
-    def run(self, grains, seed, steps_per_contact, steps):
+    def run(self, grains: int, seed: int, steps_per_contact: float, steps: int) -> Series:
         """Energies of one run: dict of arrays over the samples, time [s] and energies [J]."""
         p = self.params
         scene = build(p, grains, seed, steps_per_contact, self.scheme)
@@ -194,7 +203,7 @@ class Gas:
         return {name: np.array([r[name] for r in rows]) for name in rows[0]}
 
 
-def drift(series, shadow=False):
+def drift(series: Series, shadow: bool = False) -> float:
     """Greatest abs(E/E0 - 1) of a run, of the energy or of the shadow energy [1]."""
     total = np.sum([series[n] for n in TERMS], axis=0)
     if shadow:
@@ -202,12 +211,12 @@ def drift(series, shadow=False):
     return float(np.abs(total / total[0] - 1.0).max())
 
 
-def root_mean_square(values):
+def root_mean_square(values: Sequence[float]) -> float:
     """Root mean square of the drifts of several seeds [1]."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def measure_scheme(params, scheme):
+def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
     """All runs of one scheme: (rows, series), see `measure`."""
     p, rows, series = params, [], []
     gas = Gas(p, scheme)
@@ -234,7 +243,7 @@ def measure_scheme(params, scheme):
     return rows, series[0]
 
 
-def measure(params, progress=None):
+def measure(params: Params, progress: Progress | None = None) -> tuple[Rows, dict[str, Series]]:
     """All runs of the experiment, two schemes at a time, each in a process of its own.
 
     Returns (rows, series): rows, a list of dicts with scheme, purpose (drift | long | order | plateau), grains, seed,
@@ -252,7 +261,7 @@ def measure(params, progress=None):
     return rows, series
 
 
-def analyse(rows, dim=2):
+def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
     """Metrics from the rows of `measure`; drifts are root mean squares over seeds."""
 
     def values(scheme, purpose, per_contact, name="drift"):
@@ -289,7 +298,7 @@ def analyse(rows, dim=2):
     return metrics
 
 
-def run(params, out, progress=None):
+def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
     """Run everything; writes energy.nc, drift.nc, energy.png and summary.json, returns drift.nc as a Dataset."""
     check(params)
     out = Path(out)

@@ -5,21 +5,28 @@ precision, two at a time. A case that fails makes the command fail; what single 
 the reason.
 """
 
+from __future__ import annotations
+
 import math
+import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import fresh_processes
+from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest, to_toml
-from workflows.common.run_table import write_runs
+from workflows.common.run_table import Rows, write_runs
 from workflows.hard import Bench, cases_of, modules
 from workflows.plots.hard_cases import plot_cases
+
+if TYPE_CHECKING:
+    import xarray
 
 STATUS = ("passed", "failed", "excepted")
 TEXTS = {
@@ -60,7 +67,7 @@ def check(params: Params) -> None:
         )
 
 
-def run_kind(kind, precision, short):
+def run_kind(kind: str, precision: str, short: bool) -> Rows:
     """Rows, one dict per case, of all cases of a file; to be called in a process of its own."""
     bench, rows = Bench(precision, short), []
     for case in cases_of(kind):
@@ -81,12 +88,12 @@ def run_kind(kind, precision, short):
     return rows
 
 
-def margin(value, bound):
+def margin(value: float, bound: float) -> float:
     """How many times the value fits into the bound [1]; infinite for a value of 0, 0 for one without bounds."""
     return math.inf if value == 0.0 else bound / value
 
 
-def measure(params, progress=None):
+def measure(params: Params, progress: Progress | None = None) -> Rows:
     """Rows of all cases in all precisions, by file, two processes at a time."""
     precisions = ("f64", "f32") if params.precision == "both" else (params.precision,)
     kinds, rows = params.kinds or modules(), []
@@ -103,7 +110,7 @@ def measure(params, progress=None):
     return sorted(rows, key=lambda row: order[row["kind"]])  # stable: cases stay in the order of the text
 
 
-def analyse(rows):
+def analyse(rows: Rows) -> dict[str, Metric]:
     """Metrics of the rows; cases are counted once, whatever the number of precisions."""
     names = dict.fromkeys(row["case"] for row in rows)
     states = {name: {STATUS[row["status"]] for row in rows if row["case"] == name} for name in names}
@@ -118,7 +125,7 @@ def analyse(rows):
     }
 
 
-def table_text(rows):
+def table_text(rows: Rows) -> str:
     """Markdown: for each file of cases a table of why each is hard, its measure, and value and margin by precision."""
     lines = []
     for kind in dict.fromkeys(row["kind"] for row in rows):
@@ -137,7 +144,7 @@ def table_text(rows):
     return "\n".join(lines)
 
 
-def plain_lines(rows):
+def plain_lines(rows: Rows) -> Iterator[str]:
     """One line for a case in one precision: title, value, bound, verdict."""
     widest = max(len(row["title"]) for row in rows)
     for row in rows:
@@ -155,7 +162,7 @@ def _outcome(row):
     return room + verdict + (f": {row['reason']}" if row["reason"] else "")
 
 
-def run(params, out, progress=None):
+def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
     """Run the cases; writes hard_cases.nc, hard_cases.md, hard_cases.png and summary.json, returns hard_cases.nc.
 
     Raises SimulationError, when all is written, if a case failed.

@@ -5,22 +5,30 @@ not. Rounded polygons are stood for by chains of arcs and by clumps of equal dis
 and sheared in the same layer.
 """
 
+from __future__ import annotations
+
 import json
+import os
 import time
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import in_fresh_process
+from workflows.common.metrics import Metric, number, write_summary
+from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
-from workflows.common.run_table import write_runs
+from workflows.common.run_table import Rows, write_runs
+
+if TYPE_CHECKING:
+    import shapely
+    import xarray
 
 COUNTS = (12, 18, 30, 60, 120)  # patches or discs per grain
 SIDES = 6
@@ -85,7 +93,7 @@ def layer_params(params: Params) -> shear_gouge.Params:
     )
 
 
-def polygons(params):
+def polygons(params: Params) -> list[tuple[NDArray, shapely.Polygon]]:
     """Vertices (SIDES, 2) of convex polygons of equivalent diameter about 1, and their rounded outlines (shapely)."""
     import shapely
 
@@ -100,7 +108,7 @@ def polygons(params):
     return result
 
 
-def patch_shape(vertices, elements, corner_radius):
+def patch_shape(vertices: NDArray, elements: int, corner_radius: float) -> Any:
     """The polygon as a chain of `elements` arcs; not rescaled."""
     per_corner = elements // SIDES - 1
     return lsm.from_polygon(
@@ -114,7 +122,7 @@ def patch_shape(vertices, elements, corner_radius):
     )
 
 
-def deviation(outline, body):
+def deviation(outline: NDArray, body: shapely.Polygon) -> tuple[float, float]:
     """(greatest, rms) distance of the closed outline (k, 2) from that of the shapely body, centroids laid together."""
     import shapely
     from shapely.affinity import translate
@@ -127,7 +135,7 @@ def deviation(outline, body):
     return float(shapely.hausdorff_distance(ring, body.exterior)), float(np.sqrt((distance**2).mean()))
 
 
-def shapes_of(params, kind, elements):
+def shapes_of(params: Params, kind: str, elements: int) -> tuple[list[Any], float, float]:
     """(shapes of equivalent diameter 1, shape error, roughness) of one kind of grain, means over the outlines."""
     import shapely
 
@@ -147,7 +155,7 @@ def shapes_of(params, kind, elements):
     return shapes, *np.mean(errors, axis=0)
 
 
-def shear(params, kind, elements, out):
+def shear(params: Params, kind: str, elements: int, out: Path) -> tuple[float, float, float]:
     """Friction and cost of one layer, measured in the calling process: (mean, standard error, seconds per step)."""
     shapes, *_ = shapes_of(params, kind, elements)
     of_run = layer_params(params)
@@ -158,16 +166,16 @@ def shear(params, kind, elements, out):
     dataset = shear_gouge.simulate(scene, of_run, out, None)
     metrics = shear_gouge.analyse(dataset, of_run)
     rate = rate_of(out)
-    return metrics["friction_mean"].value, metrics["friction_se"].value, 1.0 / rate
+    return number(metrics["friction_mean"]), number(metrics["friction_se"]), 1.0 / rate
 
 
-def rate_of(out):
+def rate_of(out: str | os.PathLike[str]) -> float:
     """Grains times steps per second of the run in the folder `out`; nan if it was too short to tell."""
     value = json.loads((Path(out) / "summary.json").read_text())["metrics"]["grain_steps_per_second"]["value"]
     return np.nan if value is None else value
 
 
-def measure(params, out, progress=None):
+def measure(params: Params, out: Path, progress: Progress | None = None) -> Rows:
     """Rows of the table, one per kind and number of elements. Layers run one after the other: they are timed."""
     rows = []
     for kind in ("patches", "clump"):
@@ -184,7 +192,7 @@ def measure(params, out, progress=None):
     return rows
 
 
-def analyse(rows):
+def analyse(rows: Rows) -> dict[str, Metric]:
     """Metrics: errors at 30 elements, and what a clump of the same error as 30 patches would cost."""
 
     def column(kind, name):
@@ -211,7 +219,7 @@ def analyse(rows):
     return metrics
 
 
-def run(params, out, progress=None):
+def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
     """Run everything; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc."""
     check(params)
     out = Path(out)
@@ -238,7 +246,7 @@ def run(params, out, progress=None):
     return table
 
 
-def plot(path, rows, params):
+def plot(path: Path, rows: Rows, params: Params) -> None:
     """Draw roughness.png: an outline of each kind, error, friction and cost against the number of elements."""
     import shapely
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import to_toml
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.layer_metrics import BOUNDS, analyse
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     import xarray
 
 __all__ = ["BOUNDS", "Params", "analyse", "build", "check", "effects_of", "run", "simulate"]
-
-Progress = Callable[[dict[str, Any]], None]
 
 
 def check(params: Params) -> None:

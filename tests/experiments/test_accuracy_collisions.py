@@ -26,7 +26,7 @@ def test_orders_of_the_schemes(runtime, monkeypatch):
 def leapfrog(law, per_contact, offsets):
     """(rms error of the energy, rms error of the distance) of pairs that Verlet's difference equation carries.
 
-    The overlap x, in units of the approach in one step, obeys x[j+1] - 2 x[j] + x[j-1] = -a(x[j]) where it is above 0;
+    The overlap x, in units of the approach in one step, obeys x[j+1] - 2 x[j] + x[j-1] = -a(x[j]) where x > 0;
     a(x) = (pi/n)^2 x for springs, and 5/4 (x/D)^1.5/D after Hertz, whose impacts are D = n/2.9432 deep and last n steps.
     Touch lies 3 + offset steps after the start.
     """

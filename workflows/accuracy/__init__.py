@@ -5,10 +5,16 @@ of its own, beside which nothing else runs where costs are timed: costs are time
 Errors are taken against a closed form, or a reference that the same call computes with the most accurate setting.
 """
 
+from __future__ import annotations
+
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+import taichi_lsm as lsm
 
 
 @dataclass(frozen=True)
@@ -31,7 +37,7 @@ class Trial:
     relative: float
 
 
-def seconds_per_step(sims, steps, turns):
+def seconds_per_step(sims: dict[Any, lsm.Simulation], steps: int, turns: int) -> dict[Any, float]:
     """Processor seconds for one grain and step of each simulation of `sims` {name: simulation}, in turn, as medians."""
     taken = {name: [] for name in sims}
     for turn in range(turns + 1):
@@ -43,6 +49,6 @@ def seconds_per_step(sims, steps, turns):
     return {name: float(np.median(times)) for name, times in taken.items()}
 
 
-def order(values, errors):
+def order(values: ArrayLike, errors: ArrayLike) -> float:
     """Order p of errors that fall as values^-p, from the slope of the logarithms."""
     return float(-np.polyfit(np.log(values), np.log(errors), 1)[0])

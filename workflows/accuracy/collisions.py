@@ -1,10 +1,18 @@
 """Integrators, time steps and force laws, by single collisions with a closed form and by a rack of ten discs."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows.accuracy import Trial
 from workflows.common.small_scenes import scene_of
+
+if TYPE_CHECKING:
+    from workflows.accuracy_cost import Params
 
 STIFFNESS = 1e5  # [N m-1]
 MASS = 250.0 * np.pi  # of a disc of 1 m [kg]
@@ -12,19 +20,21 @@ LEVELS = (12, 17, 24, 34, 48, 68, 96, 136, 192)  # steps per contact
 SPEED = 0.05  # of approach [m s-1]: overlaps of some thousandths of a diameter
 DURATION = np.pi * np.sqrt(0.5 * MASS / STIFFNESS)  # of a contact of linear springs [s]
 SCHEMES = ("explicit_euler", "symplectic_euler", "velocity_verlet", "onset_verlet", "forest_ruth")
-CLASSES = dict(zip(SCHEMES, ("ExplicitEuler", "SymplecticEuler", "VelocityVerlet", "OnsetVerlet", "ForestRuth")))
+CLASSES: dict[str, str] = dict(
+    zip(SCHEMES, ("ExplicitEuler", "SymplecticEuler", "VelocityVerlet", "OnsetVerlet", "ForestRuth"))
+)
 HERTZ_TIME = 2.9432  # duration of an impact after Hertz, in greatest depth over speed
 OF_PAIRS = ("energy during a collision", "energy after a collision", "distance after a collision")
 RACK = 10  # discs
 FINEST = 3200  # steps per contact of the reference of the rack
 
 
-def linear():
+def linear() -> list[Any]:
     """Linear springs."""
     return [lsm.LinearElastic(STIFFNESS)]
 
 
-def hertz():
+def hertz() -> list[Any]:
     """Hertz's law with the same duration of the impacts of this module."""
     depth = SPEED * DURATION / HERTZ_TIME
     radius = 0.25  # of two discs of 1 m, reduced
@@ -35,7 +45,7 @@ def hertz():
 FORCE_LAWS = {"linear": linear, "hertz": hertz}
 
 
-def pairs(scheme, law, per_contact, count, seed):
+def pairs(scheme: str, law: str, per_contact: float, count: int, seed: int) -> tuple[lsm.Scene, NDArray]:
     """`count` pairs of discs about to collide head on, each with another phase of the step at the first touch."""
     dt = DURATION / per_contact
     gap = SPEED * dt * (3.0 + np.random.default_rng(seed).uniform(0.0, 1.0, count))
@@ -46,7 +56,9 @@ def pairs(scheme, law, per_contact, count, seed):
     return scene_of(position, FORCE_LAWS[law](), velocity=velocity, **more), gap
 
 
-def errors_of_pairs(sims, scheme, law, per_contact, count, seed):
+def errors_of_pairs(
+    sims: dict[Any, lsm.Simulation], scheme: str, law: str, per_contact: float, count: int, seed: int
+) -> tuple[float, float, float]:
     """Errors of pairs of discs that collide once.
 
     Greatest relative error of the energy of all pairs together during the collision; rms over the phases of its error
@@ -65,7 +77,7 @@ def errors_of_pairs(sims, scheme, law, per_contact, count, seed):
     return during, float(np.sqrt(np.mean((away**2 - 1.0) ** 2))), float(np.sqrt(np.mean(distance**2)))
 
 
-def loaded(sims, key, scene):
+def loaded(sims: dict[Any, lsm.Simulation], key: tuple[str, str], scene: lsm.Scene) -> lsm.Simulation:
     """The simulation of this key at the start of the scene; compiled once."""
     if key in sims:
         sims[key].load(scene)
@@ -74,7 +86,7 @@ def loaded(sims, key, scene):
     return sims[key]
 
 
-def rack(scheme, per_contact, turn):
+def rack(scheme: str, per_contact: int, turn: float) -> lsm.Scene:
     """A disc that hits a triangle of nine discs a little apart, off its axis and turned by `turn` [rad]."""
     row = [(i * np.sqrt(0.75), j - 0.5 * i) for i in range(4) for j in range(i + 1)][: RACK - 1]
     position = 1.004 * np.array([(0.0, 0.0), *row]) + [0.0, 0.0]
@@ -87,14 +99,14 @@ def rack(scheme, per_contact, turn):
     return scene_of(position, linear(), velocity=velocity, guards=lsm.Guards(energy=None, step=None), **more)
 
 
-def places_of_rack(sims, scheme, per_contact, turn):
+def places_of_rack(sims: dict[Any, lsm.Simulation], scheme: str, per_contact: int, turn: float) -> NDArray:
     """Positions (n, 2) [m] of the discs of the rack after four contact times."""
     sim = loaded(sims, (scheme, "rack"), rack(scheme, per_contact, turn))
     sim.run(4 * per_contact)
     return sim.state.position.to_numpy()
 
 
-def measure_collisions(params, law):
+def measure_collisions(params: Params, law: str) -> list[Trial]:
     """Trials of single collisions with this force law, without costs: schemes by steps per contact."""
     schemes = SCHEMES if law == "linear" else ("symplectic_euler", "velocity_verlet", "onset_verlet")
     sims, trials = {}, []
@@ -112,7 +124,7 @@ def measure_collisions(params, law):
     return trials
 
 
-def measure_rack(params):
+def measure_rack(params: Params) -> list[Trial]:
     """Trials of the rack, without costs: rms error of the places over what the first disc flies in one contact."""
     sims, trials = {}, []
     turns = np.random.default_rng(params.seed).uniform(0.0, 1.0, params.replicas)

@@ -1,9 +1,14 @@
 """What the trials say: curves of error against cost, their orders, and what ten times less error costs."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from workflows.accuracy import Trial
 
 LEAST_ORDER = 0.3  # in the value of the parameter: an error that changes more slowly is not worth the parameter
 LEAST_GROWTH = 0.02  # of the cost, likewise: a parameter that costs less is free
@@ -21,14 +26,14 @@ class Curve:
     error_se: np.ndarray
     relative: np.ndarray
 
-    def order(self):
+    def order(self) -> float:
         """Order p of error ~ value^-p; nan for fewer than two points with an error."""
         known = np.isfinite(self.error) & (self.error > 0.0)
         if known.sum() < 2:
             return math.nan
         return float(-np.polyfit(np.log(self.value[known]), np.log(self.error[known]), 1)[0])
 
-    def slope(self):
+    def slope(self) -> float:
         """Exponent q of error ~ cost^-q: infinite where the error falls and the cost does not rise."""
         p, known = self.order(), np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
         if known.sum() < 2 or math.isnan(p):
@@ -36,18 +41,18 @@ class Curve:
         growth = float(np.polyfit(np.log(self.value[known]), np.log(self.relative[known]), 1)[0])
         return p / growth if p * growth > 0.0 and abs(growth) > LEAST_GROWTH else math.inf
 
-    def tenfold(self):
+    def tenfold(self) -> float:
         """Factor of time for ten times less error; infinite if more time does not help."""
         if abs(self.order()) < LEAST_ORDER:
             return math.inf
         return 10.0 ** (1.0 / self.slope())
 
-    def resolved(self):
+    def resolved(self) -> bool:
         """Whether the error changes by more than two of its standard errors."""
         se = 2.0 * np.where(np.isfinite(self.error_se), self.error_se, 0.0)
         return bool(np.nanmax(self.error - se) > np.nanmin(self.error + se))
 
-    def cost_at(self, error):
+    def cost_at(self, error: float) -> float:
         """Relative cost at which the fitted line reaches the error; nan for fewer than two points with an error."""
         known = np.isfinite(self.error) & (self.error > 0.0) & np.isfinite(self.relative)
         if known.sum() < 2:
@@ -56,7 +61,7 @@ class Curve:
         return float(np.exp((np.log(error) - offset) / q)) if q < 0.0 else math.inf
 
 
-def curves(trials):
+def curves(trials: Sequence[Trial]) -> dict[tuple[str, str], Curve]:
     """{(parameter, quantity): Curve} with the settings in rising value."""
     found = {}
     for key in dict.fromkeys((t.parameter, t.quantity) for t in trials):

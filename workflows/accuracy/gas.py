@@ -1,6 +1,9 @@
 """Integrators, time steps, precision and skin, by a gas of 225 grains of about 30 arcs, and of discs."""
 
+from __future__ import annotations
+
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,6 +11,9 @@ import taichi_lsm as lsm
 from workflows import energy_conservation
 from workflows.accuracy import Trial, seconds_per_step
 from workflows.accuracy.collisions import CLASSES
+
+if TYPE_CHECKING:
+    from workflows.accuracy_cost import Params
 
 LEVELS = (12, 24, 48, 96, 192)  # steps per contact
 GROUPS = {  # schemes whose simulations fit into one process
@@ -20,7 +26,9 @@ LIMIT = 0.5  # of the energy of the start: a gas that has changed by so much is 
 SKINS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.6)  # in diameters
 
 
-def gas(params, scheme, per_contact, seed, body="arcs", dt=None):
+def gas(
+    params: Params, scheme: str, per_contact: float, seed: int, body: str = "arcs", dt: str | None = None
+) -> lsm.Scene:
     """The elastic gas of `energy_conservation`, of arcs, or of as many equal discs on a lattice of the same cell."""
     of_gas = energy_conservation.Params(seed=seed)
     known = scheme if scheme in energy_conservation.SCHEMES else "onset_verlet"
@@ -39,7 +47,7 @@ def gas(params, scheme, per_contact, seed, body="arcs", dt=None):
     return scene
 
 
-def drift(sim, contacts, per_contact, samples=60):
+def drift(sim: lsm.Simulation, contacts: float, per_contact: float, samples: int = 60) -> float:
     """Greatest relative error of the energy over so many contact times; infinite for a gas that is lost."""
     start, worst = lsm.energies(sim).balance, 0.0
     chunk = max(3, 3 * round(contacts * per_contact / samples / 3))
@@ -54,19 +62,19 @@ def drift(sim, contacts, per_contact, samples=60):
     return worst
 
 
-def reference(params):
+def reference(params: Params) -> tuple[lsm.Simulation, float]:
     """(simulation of the gas of discs at the default settings, its steps per contact)."""
     scene = gas(params, "onset_verlet", 48, params.seed, "discs", dt="default")
     sim = lsm.Simulation(scene, precision=params.precision)
     return sim, gas(params, "onset_verlet", 1, params.seed, "discs").dt / sim.dt
 
 
-def default_steps_per_contact(params):
+def default_steps_per_contact(params: Params) -> float:
     """Steps per contact of the gas of discs at the default settings."""
     return reference(params)[1]
 
 
-def measure_gas(params, group):
+def measure_gas(params: Params, group: str) -> list[Trial]:
     """Trials of the schemes of a group: energy drift of the gas of arcs against steps per contact."""
     discs, usual = reference(params)
     sims = {"discs": discs}
@@ -86,7 +94,7 @@ def measure_gas(params, group):
     return trials
 
 
-def measure_lists(params):
+def measure_lists(params: Params) -> list[Trial]:
     """Trials of the skin: whether any position differs, and what it costs, by the gas of discs."""
     trials, ways = [], {}
     sim, usual = reference(params)

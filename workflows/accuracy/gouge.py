@@ -1,18 +1,25 @@
 """Physical choices of a sheared layer: stiffness and inertial number, size, step, strain and seeds, by its friction."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.accuracy import Trial
-from workflows.common.parallel_runs import run_replicas
+from workflows.common.parallel_runs import Job, run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.shape_roughness import rate_of
+
+if TYPE_CHECKING:
+    from workflows.accuracy_cost import Params
 
 LAYER = {"layer_thickness": 12.0, "length": 14.0, "inertial_number": 5e-3}  # whose settings are changed one at a time
 PARAMETERS = {  # settings; the last one is the reference, the most accurate or, of the platens, the usual one
@@ -24,6 +31,7 @@ PARAMETERS = {  # settings; the last one is the reference, the most accurate or,
     "platen_diameter": (0.5, 2.0, 1.4, 1.0),
 }
 WINDOWS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # strains over which friction is averaged
+Series = list[tuple[NDArray, NDArray]]  # strain and friction of the rows of several runs
 QUANTITIES = ("friction", "dilation", "coordination", "stress fluctuation")
 
 
@@ -32,7 +40,7 @@ def layer(params: Any, shape: str, seed: int, **changes: float) -> shear_gouge.P
     return checked(shear_gouge.Params, **LAYER | {"shape": shape, "seed": seed, "strain": params.strain} | changes)
 
 
-def jobs_of(params, shape, parameters, out):
+def jobs_of(params: Params, shape: str, parameters: Sequence[str], out: Path) -> dict[tuple[str, float, int], Job]:
     """{(parameter, setting, seed): job} of all runs, in turn: settings change first.
 
     Those of the base layer share its runs.
@@ -50,7 +58,7 @@ def jobs_of(params, shape, parameters, out):
     return jobs
 
 
-def run_missing(jobs, at_a_time):
+def run_missing(jobs: Sequence[Job], at_a_time: int) -> list[Path]:
     """As `run_replicas`, but runs that are there, complete and of the same parameters are not made again."""
 
     def there(job):
@@ -61,7 +69,7 @@ def run_missing(jobs, at_a_time):
     return [Path(job[3]) for job in jobs]
 
 
-def measured(folder, of_run):
+def measured(folder: Path, of_run: shear_gouge.Params) -> dict[str, float]:
     """{quantity: value of a run}, with its standard error of friction and its cost: seconds for a unit of strain."""
     dataset = lsm.open_run(folder / "run.nc")
     sheared = dataset.isel(time=dataset.stage.values == 2)
@@ -80,7 +88,9 @@ def measured(folder, of_run):
     }
 
 
-def measure_parameters(params, shape, parameters, out, usual):
+def measure_parameters(
+    params: Params, shape: str, parameters: Sequence[str], out: Path, usual: float | None
+) -> tuple[list[Trial], dict[Any, Any], float]:
     """Trials of these parameters, {(parameter, setting, seed): measured}, usual.
 
     usual [s]: cost of the layer of discs, None if it is to be found here.
@@ -106,13 +116,13 @@ def measure_parameters(params, shape, parameters, out, usual):
     return trials, found, usual
 
 
-def costs_of(found):
+def costs_of(found: dict[Any, Any]) -> dict[tuple[str, float], float]:
     """{(parameter, setting): median over the seeds of what a unit of strain costs [s]}."""
     keys = dict.fromkeys((parameter, setting) for parameter, setting, _ in found)
     return {key: float(np.median([m["cost"] for k, m in found.items() if k[:2] == key])) for key in keys}
 
 
-def of_steps(params, found):
+def of_steps(params: Params, found: dict[Any, Any]) -> dict[str, dict[str, float]]:
     """What the table for target errors says of time steps: bias of the friction and cost over that of the usual step.
 
     The usual step counts as unbiased: a quarter of it gives no other friction that could be resolved. Of the longer
@@ -133,12 +143,12 @@ def of_steps(params, found):
     }
 
 
-def seeds_of(params):
+def seeds_of(params: Params) -> range:
     """Seeds of the replicas."""
     return range(params.seed, params.seed + params.seeds)
 
 
-def frictions(folder, steady_from):
+def frictions(folder: Path, steady_from: float) -> tuple[NDArray, NDArray]:
     """(strain, friction) of the rows of steady shear of a run."""
     dataset = lsm.open_run(Path(folder) / "run.nc")
     sheared = dataset.isel(time=dataset.stage.values == 2)
@@ -146,7 +156,7 @@ def frictions(folder, steady_from):
     return sheared.shear_strain.values[chosen], sheared.friction.values[chosen]
 
 
-def window_means(series, width):
+def window_means(series: Series, width: float) -> list[NDArray]:
     """Means (k,) of friction over consecutive windows of this strain in each of several runs, as a list of arrays."""
     means = []
     for strain, friction in series:
@@ -156,7 +166,7 @@ def window_means(series, width):
     return means
 
 
-def spread(series):
+def spread(series: Series) -> dict[float, float]:
     """{strain: variance of the mean friction over a window of that strain}, of windows that fit twice into a run.
 
     The variance is about the mean of all runs: differences between seeds that no strain averages out are part of it.
@@ -170,7 +180,7 @@ def spread(series):
     return found
 
 
-def variance_law(series):
+def variance_law(series: Series) -> tuple[float, float]:
     """(variance between seeds b2, variance times strain a) so that a window of strain L has the variance b2 + a/L."""
     found = spread(series)
     width, variance = np.array(list(found)), np.array(list(found.values()))
@@ -182,7 +192,7 @@ def variance_law(series):
     return float(between), float(within)
 
 
-def measure_strain(params, shape, out, usual):
+def measure_strain(params: Params, shape: str, out: Path, usual: float) -> tuple[list[Trial], dict[str, Any]]:
     """(trials of strain and seeds, row of the table for target errors) from long runs of the base layer.
 
     Errors are deviations of window means from the mean of all runs; windows of a run follow each other without a gap.
@@ -212,7 +222,7 @@ def measure_strain(params, shape, out, usual):
     return trials, row_of_table(of_run, folders, series, cost)
 
 
-def row_of_table(of_run, folders, series, cost):
+def row_of_table(of_run: shear_gouge.Params, folders: Sequence[Path], series: Series, cost: float) -> dict[str, Any]:
     """What target errors are planned from: variances and times of the layer `of_run`."""
     between, within = variance_law(series)
     thickness, lengths = of_run.layer

@@ -1,14 +1,22 @@
 """Shapes: patches and discs per grain, corner radius, non-convexity, by outline, impact, layer and gas (2D)."""
 
+from __future__ import annotations
+
 import tempfile
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 import taichi_lsm as lsm
 from workflows import shape_roughness, shear_gouge
 from workflows.accuracy import Trial, seconds_per_step
+from workflows.common.metrics import number
 from workflows.common.small_scenes import scene_of
+
+if TYPE_CHECKING:
+    from workflows.accuracy_cost import Params
 
 PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump
@@ -22,12 +30,12 @@ BARS = (1, 2, 3)  # of a star; one bar is convex
 STARS = 8  # along each side of their gas
 
 
-def polygons(params, corner_radius=0.05):
+def polygons(params: Params, corner_radius: float = 0.05) -> shape_roughness.Params:
     """What `shape_roughness` compares: its parameters, with this corner radius."""
     return shape_roughness.Params(seed=params.seed, corner_radius=corner_radius)
 
 
-def layer_cost(params, shapes):
+def layer_cost(params: Params, shapes: Sequence[Any]) -> tuple[float, float, float]:
     """(seconds for one grain and step, step over the inertial time, friction) of a sheared layer of these shapes."""
     of_run = shear_gouge.Params.model_validate(LAYER | {"shape": "angular", "seed": params.seed})
     scene = shear_gouge.build(of_run)
@@ -36,11 +44,11 @@ def layer_cost(params, shapes):
     scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
     with tempfile.TemporaryDirectory() as out:
         dataset = shear_gouge.simulate(scene, of_run, out)
-        friction = shear_gouge.analyse(dataset, of_run)["friction_mean"].value
+        friction = number(shear_gouge.analyse(dataset, of_run)["friction_mean"])
         return 1.0 / shape_roughness.rate_of(out), float(dataset.dt) / of_run.inertial_time, friction
 
 
-def shapes_of(params, kind, count):
+def shapes_of(params: Params, kind: str, count: Any) -> tuple[list[Any], float]:
     """(shapes, shape error in diameters) of "patches", "discs" (per clump), "corner" (radius) or "round"."""
     if kind == "round":
         return [lsm.disc()], np.nan
@@ -53,13 +61,13 @@ def shapes_of(params, kind, count):
     return shapes, error
 
 
-def measure_layer(params, kind, count):
+def measure_layer(params: Params, kind: str, count: Any) -> tuple[float, float, float, float]:
     """(shape error, seconds for one grain and step, step over inertial time, friction) of one kind of grain."""
     shapes, error = shapes_of(params, kind, count)
     return error, *layer_cost(params, shapes)
 
 
-def trials_of(rows):
+def trials_of(rows: dict[Any, list[Any]]) -> list[Trial]:
     """Trials from {(kind, count): [what `measure_layer` gave, by turn]}, with ("round", 0) for the discs."""
 
     def cost(of_kind):
@@ -75,14 +83,14 @@ def trials_of(rows):
     return trials
 
 
-def impact(shapes, pair, angles):
+def impact(shapes: Sequence[Any], pair: NDArray, angles: ArrayLike) -> lsm.Scene:
     """Two grains, of the rows `pair` of `shapes`, turned by `angles` [rad], that meet off their axis."""
     velocity = 0.5 * SPEED * np.array([(1.0, 0.0), (-1.0, 0.0)])
     more = {"shapes": shapes, "shape_index": pair, "angle": angles, "velocity": velocity, "safety": 0.1}
     return scene_of([(0.0, 0.0), (1.3, 0.25)], [lsm.LinearElastic(STIFFNESS)], **more)
 
 
-def measure_impacts(params):
+def measure_impacts(params: Params) -> list[Trial]:
     """Trials of the motion after impacts of ellipses of more and more patches, without costs.
 
     Of polygons it would not converge: with more patches their sides become flatter, and where two flat sides touch
@@ -112,13 +120,13 @@ def measure_impacts(params):
     return trials
 
 
-def star(bars):
+def star(bars: int) -> Any:
     """A grain of `bars` rounded bars through one centre."""
     bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
     return lsm.union([lsm.place_part(bar, (0.0, 0.0), i * np.pi / bars) for i in range(bars)])
 
 
-def hull_error(bars):
+def hull_error(bars: int) -> float:
     """Greatest distance [diameters] between the outline of a star and its convex hull, which could stand for it."""
     import shapely
 
@@ -129,7 +137,7 @@ def hull_error(bars):
     )
 
 
-def gas_of(shape, seed):
+def gas_of(shape: Any, seed: int) -> lsm.Scene:
     """STARS^2 grains of this shape in a periodic square, as close as their bounding circles let them, flying about."""
     rng, count = np.random.default_rng(seed), STARS**2
     pitch = 2.02 * shape.bounding_radius
@@ -142,7 +150,7 @@ def gas_of(shape, seed):
     return scene_of(place, [lsm.LinearElastic(STIFFNESS)], angle=rng.uniform(0.0, 6.0, count), **cell, **motion)
 
 
-def measure_parts(params):
+def measure_parts(params: Params) -> list[Trial]:
     """Trials of non-convex grains: what their hull would get wrong, and their cost in a gas over that of discs."""
     sims = {bars: lsm.Simulation(gas_of(star(bars), params.seed)) for bars in BARS}
     sims[0] = lsm.Simulation(gas_of(lsm.disc(), params.seed))

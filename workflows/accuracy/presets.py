@@ -1,5 +1,9 @@
 """Expected errors and times of the presets of shear-gouge: `python -m workflows.accuracy.presets` prints them."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+
 from workflows import shear_gouge
 from workflows.common.parameters import merge
 from workflows.gouge import target_error
@@ -7,7 +11,7 @@ from workflows.gouge import target_error
 TARGETS = (0.03, 0.02, 0.01, 0.007)
 
 
-def preset_rows():
+def preset_rows() -> Iterator[tuple[str, str, float, float, float]]:
     """(preset, shape, strain, half-width of the 95 % interval, seconds) of one run of each preset in 2D."""
     for preset in shear_gouge.Params.presets:
         for shape in ("sphere", "angular"):
@@ -15,7 +19,7 @@ def preset_rows():
             yield preset, shape, params.strain, *target_error.expected(params)
 
 
-def target_rows():
+def target_rows() -> Iterator[tuple[float, str, float, float, int, float]]:
     """(target error, shape, step, strain, seeds, seconds) of the plans for the standard layer in 2D."""
     for target in TARGETS:
         for shape in ("sphere", "angular"):
@@ -23,7 +27,7 @@ def target_rows():
             yield target, shape, plan.step_safety, plan.strain, plan.seeds, plan.expected_seconds
 
 
-def main():
+def main() -> None:
     """Print both tables."""
     print("| preset | shape | strain | expected error, 95 % | expected time |\n|---|---|---|---|---|")
     for preset, shape, strain, error, seconds in preset_rows():

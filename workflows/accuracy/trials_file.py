@@ -1,14 +1,20 @@
 """accuracy.nc: errors and costs of all trials, by quantity, parameter, setting and replica."""
 
+from __future__ import annotations
+
 import os
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import taichi_lsm as lsm
 from workflows.accuracy import Trial
+
+if TYPE_CHECKING:
+    import xarray
 
 VARIABLES = {
     "value": (("parameter", "setting"), "1", "setting as a number, in the unit of the parameter"),
@@ -22,12 +28,12 @@ VARIABLES = {
 }
 
 
-def write_trials(path, trials, attributes):
+def write_trials(path: Path, trials: Sequence[Trial], attributes: dict[str, Any]) -> xarray.Dataset:
     """Write the trials to the NetCDF file `path`, which appears whole or not at all; returns it opened.
 
     Combinations that were not measured are NaN.
     """
-    import xarray
+    import xarray  # not at the top, for `lsm --help` to answer at once
 
     names = {name: list(dict.fromkeys(getattr(t, name) for t in trials)) for name in ("quantity", "parameter")}
     settings = {
@@ -62,7 +68,7 @@ def write_trials(path, trials, attributes):
     return lsm.open_run(path)
 
 
-def read_trials(path):
+def read_trials(path: Path) -> list[Trial]:
     """The trials of accuracy.nc, as they were written but for their order."""
     table = lsm.open_run(path)
     quantities, parameters = table.quantity_name.values, table.parameter_name.values

@@ -1,16 +1,19 @@
 """The command line `lsm`: one command per workflow, its options made from the workflow's Params."""
 
+from __future__ import annotations
+
 import inspect
 import os
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Group, Parameter, UnknownCommandError, UnusedCliTokensError
+from pydantic.fields import FieldInfo
 
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
@@ -140,7 +143,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
     return app
 
 
-def workflow_command(name: str, module: ModuleType):
+def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
     """A function that runs the workflow, with one keyword-only parameter per option.
 
     Every option but a flag is taken as text, so that pydantic judges all of them together.
@@ -199,7 +202,7 @@ def workflow_command(name: str, module: ModuleType):
     return command
 
 
-def option_help(field) -> str:
+def option_help(field: FieldInfo) -> str:
     """Description (which ends in the unit) and what is allowed."""
     names = choices(field.annotation)
     bounds = f"one of {', '.join(names)}" if names else limits(field.metadata)

@@ -1,5 +1,7 @@
 """The line that says how far a run is: live in a terminal, now and then a plain line elsewhere."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 import time
@@ -22,7 +24,7 @@ class ProgressLine:
     (texts; a report with a state is always shown). Missing and NaN values are left out of the line.
     """
 
-    def __init__(self, quiet: bool = False, console: Console | None = None, every: float | None = None):
+    def __init__(self, quiet: bool = False, console: Console | None = None, every: float | None = None) -> None:
         self._console = console or Console()
         self._quiet = quiet
         self._terminal = self._console.is_terminal

@@ -1,5 +1,7 @@
 """SIGTERM and SIGINT as one exception, so that a workflow can flush its files before it ends."""
 
+from __future__ import annotations
+
 import signal
 import time
 
@@ -16,7 +18,7 @@ class Interrupted(BaseException):
     Not an Exception, so that `except Exception` in a workflow does not swallow it.
     """
 
-    def __init__(self, signum: int):
+    def __init__(self, signum: int) -> None:
         super().__init__(f"interrupted by {signal.Signals(signum).name}")
         self.signum = int(signum)
 

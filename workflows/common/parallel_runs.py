@@ -3,6 +3,8 @@
 Spawned, never forked, and one run per process: Taichi hangs in a fork, and its fields belong to the process.
 """
 
+from __future__ import annotations
+
 import importlib
 import multiprocessing
 import os
@@ -35,13 +37,14 @@ LOG_LINES = 20
 P = ParamSpec("P")
 T = TypeVar("T")
 
+Progress = Callable[[dict[str, Any]], None]  # takes the reports of a run
 Job = tuple[str, str, Any, str | os.PathLike]
 
 
 class ReplicaError(SimulationError):
     """Some of the runs failed. failures: label -> traceback text, or how the process ended."""
 
-    def __init__(self, failures: dict[str, str]):
+    def __init__(self, failures: dict[str, str]) -> None:
         texts = (f"run {label} failed:\n{text.rstrip()}" for label, text in failures.items())
         super().__init__("\n".join(texts))
         self.failures = failures
@@ -61,7 +64,7 @@ class _Running:
     refused: bool = False
 
 
-def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Callable[[dict], None] | None = None) -> list[Path]:
+def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | None = None) -> list[Path]:
     """Run every job, `at_a_time` of them at once; returns the folders of the runs, in the order of the jobs.
 
     jobs: (label, module_name, params, out_dir); the process calls module.run(params, out=..., progress=...).

@@ -1,11 +1,14 @@
 """What a parameter's type annotation means on the command line, and in words."""
 
+from __future__ import annotations
+
 import enum
 import types
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import annotated_types
+from pydantic.fields import FieldInfo
 
 # One and many of it.
 NOUNS = {
@@ -114,7 +117,7 @@ def _noun(annotation: Any, plural: bool = False) -> str:
     return NOUNS.get(annotation, ("a value", "values"))[plural]
 
 
-def allowed(field) -> str:
+def allowed(field: FieldInfo) -> str:
     """What a pydantic field allows, in words: "a number, greater than 0", "one of f64, f32"."""
     options = [m for m in members(field.annotation) if m is not types.NoneType]
     words = []

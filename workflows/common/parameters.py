@@ -3,6 +3,8 @@
 The same field is an option (`--normal-stress`), a TOML key (`normal_stress`) and a keyword argument.
 """
 
+from __future__ import annotations
+
 import difflib
 import os
 import reprlib
@@ -44,7 +46,7 @@ EXPLAINED = (
 class SettingsError(InputError):
     """One or more mistakes in the parameters. `problems` holds one message for each."""
 
-    def __init__(self, problems: list[str]):
+    def __init__(self, problems: list[str]) -> None:
         super().__init__("\n".join(problems))
         self.problems = list(problems)
 

@@ -12,6 +12,8 @@ from workflows.common.parameters import Params, to_toml
 if TYPE_CHECKING:
     import xarray
 
+Rows = list[dict[str, Any]]  # of a table: one for each run, with equal keys
+
 
 def attributes_of(params: Params, dt: float, title: str, summary: str) -> dict[str, Any]:
     """Global attributes of a file of the experiment with these parameters; dt [s]: its smallest time step."""

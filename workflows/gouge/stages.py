@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.common.parallel_runs import Progress
 from workflows.gouge.layer_scene import LARGEST_SPEED, shear_drive
 from workflows.gouge.parameters import Params
 
@@ -49,7 +48,7 @@ def shear(
     layer: lsm.ShearedLayer,
     recorder: lsm.LayerRecorder,
     params: Params,
-    report: Callable[[dict[str, Any]], None],
+    report: Progress,
 ) -> float:
     """Move the top platen at the velocity of the inertial number until the strain is reached.
 

@@ -1,11 +1,16 @@
 """How much strain and how many seeds a wanted error of the friction needs, from measured variances."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.gouge.parameters import Params
 
 TABLE = "friction_errors.json"
 NORMAL = 1.96  # standard errors in the half-width of a 95 % interval
@@ -37,7 +42,7 @@ class Plan:
     expected_seconds: float
 
 
-def table_of(shape, dim):
+def table_of(shape: str, dim: int) -> dict[str, Any]:
     """The row of the measured table for this shape and dimension; InputError if there is none."""
     rows = json.loads(lsm.data_path(TABLE).read_text(encoding="utf-8"))["rows"]
     for row in rows:
@@ -47,13 +52,13 @@ def table_of(shape, dim):
     raise lsm.InputError(f"--target-error: the errors of --shape {shape} --dim {dim} are not measured, only of {known}")
 
 
-def area_of(params):
+def area_of(params: Params) -> float:
     """Area (2D) or volume of the layer in mean diameters."""
     thickness, lengths = params.layer
     return float(thickness * np.prod(lengths) / params.diameter ** (1 + len(lengths)))
 
 
-def half_width(row, params, steady, seeds, step):
+def half_width(row: dict[str, Any], params: Params, steady: float, seeds: int, step: str) -> float:
     """Half-width of the 95 % interval of the mean over `seeds` runs of the steady strain `steady`, for this layer.
 
     The variance falls with the area of the layer: far parts of it fluctuate independently. step: a key of the table.
@@ -62,7 +67,7 @@ def half_width(row, params, steady, seeds, step):
     return float(CAUTION * NORMAL * np.sqrt(variance / seeds) + row["bias_of_step"][step])
 
 
-def seconds(row, params, steady, seeds, step):
+def seconds(row: dict[str, Any], params: Params, steady: float, seeds: int, step: str) -> float:
     """Seconds of `seeds` runs, two at a time: a start, consolidation and shear."""
     stiff = np.sqrt(params.stiffness_number / row["stiffness_number"]) * row["inertial_number"] / params.inertial_number
     per_strain = row["seconds_per_grain_strain"] * row["cost_of_step"][step] * stiff
@@ -71,7 +76,7 @@ def seconds(row, params, steady, seeds, step):
     return float(run * np.ceil(seeds / 2))
 
 
-def plan(params, target_error):
+def plan(params: Params, target_error: float) -> Plan:
     """The cheapest Plan whose 95 % half-width is at most `target_error` [1]; InputError if none of them is."""
     row = table_of(params.shape, params.dim)
     plans = []
@@ -93,7 +98,7 @@ def plan(params, target_error):
     return min(plans, key=lambda p: p.expected_seconds)
 
 
-def expected(params):
+def expected(params: Params) -> tuple[float, float]:
     """(half-width of the 95 % interval, seconds) of one run with these parameters, by the table."""
     row = table_of(params.shape, params.dim)
     step = min(row["bias_of_step"], key=lambda s: abs(float(s) - params.step_safety))
@@ -101,7 +106,7 @@ def expected(params):
     return half_width(row, params, steady, 1, step), seconds(row, params, steady, 1, step)
 
 
-def reached(row, params, means, errors, step):
+def reached(row: dict[str, Any], params: Params, means: Sequence[float], errors: Sequence[float], step: str) -> float:
     """Half-width of the 95 % interval that runs with these means and standard errors have reached.
 
     Few seeds tell little about their own scatter: the table's variance between seeds is added to that within runs, and

@@ -1,17 +1,27 @@
 """Runs of a sheared layer until the mean friction is known as well as was asked for."""
 
+from __future__ import annotations
+
+import os
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import run_replicas
+from workflows.common.metrics import Metric, number, write_summary
+from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
 from workflows.gouge import target_error
+from workflows.gouge.parameters import Params
+from workflows.gouge.target_error import Plan
+
+if TYPE_CHECKING:
+    import xarray
 
 COLUMNS = [
     lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing"),
@@ -20,26 +30,33 @@ COLUMNS = [
 ]
 
 
-def runs_of(params, plan):
+def runs_of(params: Params, plan: Plan) -> dict[str, Params]:
     """{label: parameters} of the runs of a plan."""
     changes = {"target_error": None, "strain": plan.strain, "step_safety": plan.step_safety}
     seeds = range(params.seed, params.seed + plan.seeds)
     return {f"seed-{s}": checked(type(params), **params.model_dump() | changes | {"seed": s}) for s in seeds}
 
 
-def run_to_target(params, out, progress, workflow, analyse):
+def run_to_target(
+    params: Params,
+    out: str | os.PathLike[str],
+    progress: Progress | None,
+    workflow: str,
+    analyse: Callable[[xarray.Dataset, Params], dict[str, Metric]],
+) -> xarray.Dataset:
     """Plan and make the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
 
     workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them.
     """
     out = Path(out)
     row = target_error.table_of(params.shape, params.dim)
-    plan = target_error.plan(params, params.target_error)
+    target = params.target_error or 0.0
+    plan = target_error.plan(params, target)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
     if progress:
         print(
-            f"target {params.target_error:g}: {plan.seeds} runs to strain {plan.strain:g}, {plan.step_safety:g} of the "
+            f"target {target:g}: {plan.seeds} runs to strain {plan.strain:g}, {plan.step_safety:g} of the "
             f"stable step; expected error {plan.expected_error:.2g}, time {plan.expected_seconds:.0f} s",
             flush=True,
         )
@@ -50,7 +67,7 @@ def run_to_target(params, out, progress, workflow, analyse):
     for label, of_run in runs.items():
         dataset = lsm.open_run(out / "runs" / label / "run.nc")
         metrics = analyse(dataset, of_run)
-        means = {name: float(metrics[name].value) for name in ("friction_mean", "friction_se")}
+        means = {name: number(metrics[name]) for name in ("friction_mean", "friction_se")}
         rows.append({"seed": of_run.seed, "path": f"runs/{label}", **means})
         steps.append(dataset.dt)
     table = write_runs(
@@ -60,7 +77,7 @@ def run_to_target(params, out, progress, workflow, analyse):
         params,
         min(steps),
         "Friction of a layer to a wanted error",
-        f"Runs that were planned for an error of {params.target_error:g} of the mean friction.",
+        f"Runs that were planned for an error of {target:g} of the mean friction.",
         parameters=("seed",),
         text={"path": "folder of the run, relative to this file"},
     )
@@ -68,7 +85,7 @@ def run_to_target(params, out, progress, workflow, analyse):
     error = target_error.reached(row, params, means, errors, f"{plan.step_safety:g}")
     metrics = {
         "friction_mean": Metric(float(np.mean(means)), "1"),
-        "friction_error": Metric(error, "1", params.target_error, error <= params.target_error),
+        "friction_error": Metric(error, "1", target, error <= target),
         "expected_error": Metric(plan.expected_error, "1"),
         "seeds": Metric(plan.seeds, "1"),
         "strain": Metric(plan.strain, "1"),

@@ -4,10 +4,12 @@ A module of this package holds the cases of one kind, as functions under the dec
 run in one process. The name of the function is that of the case and its docstring says what makes it hard.
 """
 
+from __future__ import annotations
+
 import importlib
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,12 +36,14 @@ class Case:
     f32_bound: float | None = None
     excepted: str = ""
 
-    def bound_in(self, precision):
+    def bound_in(self, precision: str) -> float:
         """The bound in f64 or f32."""
         return self.bound if precision == "f64" or self.f32_bound is None else self.f32_bound
 
 
-def hard(title, measure, bound, unit="1", f32_bound=None, excepted=""):
+def hard(
+    title: str, measure: str, bound: float, unit: str = "1", f32_bound: float | None = None, excepted: str = ""
+) -> Callable[[Callable[[Bench], float]], Case]:
     """Decorator of a function (bench) -> value that is a hard case; see Case."""
 
     def case_of(run):
@@ -49,12 +53,12 @@ def hard(title, measure, bound, unit="1", f32_bound=None, excepted=""):
     return case_of
 
 
-def modules():
+def modules() -> list[str]:
     """Names of the modules of this package: a new file is found."""
     return sorted(path.stem for path in HERE.glob("[!_]*.py"))
 
 
-def cases_of(module):
+def cases_of(module: str) -> list[Case]:
     """The cases of a module of this package, in the order of its text."""
     found = vars(importlib.import_module(f"{__name__}.{module}")).values()
     return [thing for thing in found if isinstance(thing, Case)]
@@ -66,15 +70,15 @@ class Bench:
     precision: f64 or f32; short: fewer steps; off: names of guards that are switched off in all scenes.
     """
 
-    def __init__(self, precision="f64", short=True, off=()):
+    def __init__(self, precision: str = "f64", short: bool = True, off: Sequence[str] = ()) -> None:
         self.precision, self.short, self.off = precision, short, dict.fromkeys(off)
         self._made = {}
 
-    def steps(self, full, short):
+    def steps(self, full: int, short: int) -> int:
         """Number of steps of a full or of a short run."""
         return short if self.short else full
 
-    def simulate(self, scene):
+    def simulate(self, scene: lsm.Scene) -> lsm.Simulation:
         """A simulation at the start of `scene`; the last one of an equal KernelSpec must no longer be used."""
         scene.guards = replace(scene.guards, **self.off)
         kernel_spec = None if scene.platens else lsm.KernelSpec.of(scene)
@@ -87,7 +91,7 @@ class Bench:
         return sim
 
 
-def worst_balance(sim, steps, samples=20):
+def worst_balance(sim: lsm.Simulation, steps: int, samples: int = 20) -> float:
     """Greatest abs(balance/balance at the start - 1) of the energy over a run in `samples` pieces [1].
 
     For scenes that start with all their energy: the balance must not be 0.
@@ -99,7 +103,7 @@ def worst_balance(sim, steps, samples=20):
     return worst
 
 
-def error_of_impact(bench, scene, most=20_000):
+def error_of_impact(bench: Bench, scene: lsm.Scene, most: int = 20000) -> float:
     """abs(energy after the grains have met and parted over that before - 1)."""
     sim = bench.simulate(scene)
     start, before = lsm.energies(sim).balance, sim.state.velocity.to_numpy()
@@ -111,7 +115,7 @@ def error_of_impact(bench, scene, most=20_000):
     raise lsm.SimulationError(f"no impact began and ended within {most} steps")
 
 
-def refused(make, *words):
+def refused(make: Callable[[], object], *words: str) -> float:
     """0 if `make()` raises InputError with all the words in its message, else infinity."""
     try:
         make()
@@ -120,7 +124,7 @@ def refused(make, *words):
     return math.inf
 
 
-def steps_until_stopped(sim, steps, *words):
+def steps_until_stopped(sim: lsm.Simulation, steps: int, *words: str) -> float:
     """Steps that were made until SimulationError, with all the words in its message, stopped the run; else infinity."""
     begin = sim.step
     try:

@@ -1,15 +1,18 @@
 """Hard cases of drives: servos, load points, heavy loads, creep, cycles, and a chain that is pulled apart."""
 
+from __future__ import annotations
+
 import functools
 import math
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import hard, refused, worst_balance
+from workflows.hard import Bench, hard, refused, worst_balance
 
 STIFFNESS = 1e6  # [N m-1]
 MASS = 1000.0 * np.pi / 4  # [kg] of a disc of 1 m
@@ -26,7 +29,7 @@ STROKE = 1e-5  # [m], of a cycle
 INERTIA = 2e4  # [kg], of the driven platen of the layer
 
 
-def effects_of(friction=0.5, stiffness=STIFFNESS):
+def effects_of(friction: float = 0.5, stiffness: float = STIFFNESS) -> list[Any]:
     """The effects of a grain in gouge."""
     return [
         lsm.LinearElastic(stiffness),
@@ -35,7 +38,7 @@ def effects_of(friction=0.5, stiffness=STIFFNESS):
     ]
 
 
-def presses():
+def presses() -> lsm.Scene:
     """Presses of thirty discs in a row, each above one grain that lies on two fixed discs; one starts lifted."""
     seat = np.array([(-0.6, -0.8), (0.6, -0.8), (0.0, 0.0)])
     row = np.stack([np.arange(GLUED) - 0.5 * (GLUED - 1) + 0.5, np.ones(GLUED)], axis=1)
@@ -59,7 +62,7 @@ def presses():
 
 
 @functools.lru_cache(maxsize=1)
-def pressing(bench):
+def pressing(bench: Bench) -> tuple[float, dict[str, float]]:
     """(greatest speed of a press over the limit, greatest deviation of its stress at the end over the target)."""
     sim = bench.simulate(presses())
     fastest, deviation = 0.0, np.zeros(len(PRESSES))
@@ -75,7 +78,7 @@ def pressing(bench):
 
 
 @hard("Servo of the wrong stiffness on one contact", "deviation of the stress from its target at rest", 1e-3)
-def servo_on_one_contact(bench):
+def servo_on_one_contact(bench: Bench) -> float:
     """A press that counts on thirty contacts bears on one grain, with ten times its usual drag or a tenth.
 
     Servos that take the velocity of the next step from the stress of the last one overshoot and oscillate ever more.
@@ -85,7 +88,7 @@ def servo_on_one_contact(bench):
 
 
 @hard("Servo without a contact", "greatest speed over the limit of speed", 1.0)
-def servo_in_flight(bench):
+def servo_in_flight(bench: Bench) -> float:
     """A press that has lost its contacts has no force to balance.
 
     Without a limit it falls ever faster and crushes the layer as it lands.
@@ -94,12 +97,12 @@ def servo_in_flight(bench):
 
 
 @hard("Servo that lands", "deviation of the stress from its target at rest", 1e-3)
-def servo_lands(bench):
+def servo_lands(bench: Bench) -> float:
     """After its flight the press meets one grain at the limit of speed and must come to rest there, not bounce."""
     return pressing(bench)[1]["flying"]
 
 
-def column():
+def column() -> lsm.Scene:
     """Discs piled in a narrow shaft between plane walls, under a press of ten thousand times their weight."""
     load = HEAVY * ROWS * MASS * G
     stiffness = 100.0 * load  # of a contact: some are 3 % of a disc deep
@@ -124,7 +127,7 @@ def column():
 
 
 @functools.lru_cache(maxsize=1)
-def jammed(bench):
+def jammed(bench: Bench) -> tuple[float, float]:
     """(error of the force on the walls over the weight, error of the energy balance over the work done) at the end."""
     sim = bench.simulate(column())
     begin = lsm.energies(sim).balance
@@ -135,7 +138,7 @@ def jammed(bench):
 
 
 @hard("Column under 10000 times its weight", "error of the force on the walls over the weight", 1e-3, f32_bound=0.2)
-def jammed_column_rests(bench):
+def jammed_column_rests(bench: Bench) -> float:
     """The weight is a ten-thousandth of the forces in the contacts.
 
     Any force that does not cancel, and any motion that does not die, hides it. At rest the walls carry the load and the
@@ -145,7 +148,7 @@ def jammed_column_rests(bench):
 
 
 @hard("Energy of a jammed column", "error of the energy balance over the work done", 5e-6, f32_bound=1e-5)
-def jammed_column_energy(bench):
+def jammed_column_energy(bench: Bench) -> float:
     """A press falls at its limit of speed on a column without free space.
 
     All of its work must be found in contacts, dashpots, slip and the drag of the servo.
@@ -153,7 +156,7 @@ def jammed_column_energy(bench):
     return jammed(bench)[1]
 
 
-def chain(speed=1.05):
+def chain(speed: float = 1.05) -> lsm.Scene:
     """A straight chain of bonded discs in its lowest longitudinal mode; speed 1 just strains it to its strength."""
     bond = lsm.ElasticBrittleBond(youngs_modulus=1e7, poissons_ratio=0.25, cohesion=1e5, friction_angle=0.6)
     x = np.arange(LINKS + 1) - 0.5 * LINKS
@@ -168,7 +171,7 @@ def chain(speed=1.05):
 
 
 @hard("Chain pulled apart", "relative error of the energy over the fracture", 5e-3)
-def chain_that_snaps(bench):
+def chain_that_snaps(bench: Bench) -> float:
     """Fifty bonded discs fly apart until a bond gives way.
 
     Its energy goes at once, a wave runs through both pieces, and codes that drop the bond and do not count what it held
@@ -180,7 +183,7 @@ def chain_that_snaps(bench):
 
 
 @hard("Momentum of the pieces of a chain", "change of the momentum of a free piece, relative", 1e-12, f32_bound=1e-7)
-def momentum_of_the_pieces(bench):
+def momentum_of_the_pieces(bench: Bench) -> float:
     """Each piece of a chain that broke flies on freely.
 
     A bond that breaks for one of its grains before the other, or a force that stays in a list, pushes a piece from
@@ -204,7 +207,7 @@ def momentum_of_the_pieces(bench):
     return worst if len(set(pieces)) > 1 else math.inf
 
 
-def layer():
+def layer() -> lsm.Scene:
     """Twelve angular grains between rough platens.
 
     The bottom one is driven, the top one is pressed down by a servo and held along the shear by a spring that is as
@@ -238,13 +241,13 @@ def layer():
     )
 
 
-def spring(velocity, stiffness):
+def spring(velocity: float, stiffness: float) -> lsm.SpringLoadPoint:
     """The drive of the top platen along the shear."""
     return lsm.SpringLoadPoint(velocity, stiffness, INERTIA)
 
 
 @functools.lru_cache(maxsize=1)
-def settled(bench):
+def settled(bench: Bench) -> tuple[lsm.Simulation, Path]:
     """(simulation, file) of the layer at rest under its load."""
     sim = bench.simulate(layer())
     sim.run(100_000)
@@ -253,20 +256,20 @@ def settled(bench):
     return sim, file
 
 
-def at_rest(bench):
+def at_rest(bench: Bench) -> lsm.Simulation:
     """The layer at rest under its load, whatever was done with it before."""
     sim, file = settled(bench)
     lsm.restore_checkpoint(sim, file)
     return sim
 
 
-def height(sim):
+def height(sim: lsm.Simulation) -> float:
     """Displacement of the top platen [m]."""
     return float(sim.platens.displacement.to_numpy()[1, 1])
 
 
 @functools.lru_cache(maxsize=1)
-def crept(bench):
+def crept(bench: Bench) -> Any:
     """Changes of the layer that is left alone under its load, over the last half of the time.
 
     Change of the thickness [m], change of the shear force over the load, error of the orientations.
@@ -285,7 +288,7 @@ def crept(bench):
 
 
 @hard("Thickness over millions of steps at rest", "change of the thickness", 1e-8, unit="m", f32_bound=1e-6)
-def creep_of_the_thickness(bench):
+def creep_of_the_thickness(bench: Bench) -> float:
     """A layer of angular grains under a constant load does nothing, for millions of steps.
 
     Rounding that always goes one way, or a spring of friction that loses a little in each step, makes it creep.
@@ -294,18 +297,18 @@ def creep_of_the_thickness(bench):
 
 
 @hard("Friction over millions of steps at rest", "change of the shear force over the load", 1e-5, f32_bound=1e-3)
-def creep_of_the_friction(bench):
+def creep_of_the_friction(bench: Bench) -> float:
     """The springs of friction hold a shear force that nothing renews: if they leak, it relaxes."""
     return crept(bench)[1]
 
 
 @hard("Orientations over millions of steps", "error of the length of the unit complex numbers", 1e-14)
-def orientations_stay_unit(bench):
+def orientations_stay_unit(bench: Bench) -> float:
     """Each step multiplies the orientation of a grain by a small turn; in many codes its length drifts by rounding."""
     return crept(bench)[2]
 
 
-def strained(bench, cycles):
+def strained(bench: Bench, cycles: int) -> Any:
     """The layer after so many cycles in which its bottom goes to and fro by STROKE."""
     sim, quarter = at_rest(bench), 250
     speed = STROKE / (quarter * sim.dt)
@@ -319,7 +322,7 @@ def strained(bench, cycles):
 
 
 @hard("Tiny cycles of shear", "compaction per cycle over the stroke of a cycle, last half", 1e-4, f32_bound=1e-2)
-def tiny_cycles(bench):
+def tiny_cycles(bench: Bench) -> float:
     """Cycles of a hundred-thousandth of a diameter are elastic but for the slip of few contacts.
 
     After some of them they are purely elastic. A friction that slides at each reversal ratchets on.
@@ -329,7 +332,7 @@ def tiny_cycles(bench):
     return abs(heights[-1] - heights[half]) / (len(heights) - 1 - half) / STROKE
 
 
-def error_over_work(sim, steps):
+def error_over_work(sim: lsm.Simulation, steps: int) -> float:
     """Error of the energy balance over the energy dissipated in a run of so many steps."""
     begin = lsm.energies(sim)
     sim.run(steps)
@@ -338,7 +341,7 @@ def error_over_work(sim, steps):
 
 
 @hard("Platen that jumps to its velocity", "error of the energy balance over the energy dissipated", 2e-3)
-def velocity_jump(bench):
+def velocity_jump(bench: Bench) -> float:
     """The bottom platen jumps to a tenth of a diameter per inertial time at once, and back.
 
     The work of an infinite acceleration on a platen of finite mass must be computed with the mean velocity of the step.
@@ -351,7 +354,7 @@ def velocity_jump(bench):
 
 
 @hard("Load point on a very soft spring", "error of the energy balance over the energy dissipated", 2e-3)
-def soft_spring(bench):
+def soft_spring(bench: Bench) -> float:
     """On a spring ten thousand times softer than the grains the layer waits, then slips at once.
 
     It slips by many diameters in one event, at a speed that its inertia alone bounds, and the servo loses its contacts.
@@ -365,7 +368,7 @@ def soft_spring(bench):
 
 
 @hard("Load point on the stiffest spring", "error of the energy balance over the energy dissipated", 2e-3)
-def stiffest_spring(bench):
+def stiffest_spring(bench: Bench) -> float:
     """The spring is as stiff as the step allows, thousands of times stiffer than the grains.
 
     Its own oscillation takes six steps, and must neither grow nor feed on the grains.
@@ -376,7 +379,7 @@ def stiffest_spring(bench):
 
 
 @hard("Load point on a spring too stiff for the step", "0 if refused with the reason", 0.0)
-def spring_too_stiff(bench):
+def spring_too_stiff(bench: Bench) -> float:
     """A spring stiffer than the step can follow makes a platen of any mass diverge."""
     sim = at_rest(bench)
     drive = spring(0.0, 1.01 * INERTIA / sim.dt**2)

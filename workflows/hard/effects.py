@@ -1,12 +1,17 @@
 """Hard cases of the force laws of contacts: one grain or two, and the ends of the range of each parameter."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import hard, refused, worst_balance
+from workflows.hard import Bench, hard, refused, worst_balance
 
 STIFFNESS = 1e6  # [N m-1]
 MASS = 1000.0 * np.pi / 4  # [kg] of a disc of 1 m
@@ -19,7 +24,15 @@ ROLLING_STIFFNESS = 0.01 * STIFFNESS  # [N m rad-1], soft beside the spring of f
 WELL = {"pull_off_force": 1e3, "distance": 0.02}
 
 
-def scene(position, weight=0.0, restitution=1.0, friction=0.0, dynamic=None, rolling=0.0, **more):
+def scene(
+    position: ArrayLike,
+    weight: float = 0.0,
+    restitution: float = 1.0,
+    friction: float = 0.0,
+    dynamic: float | None = None,
+    rolling: float | None = 0.0,
+    **more,
+) -> lsm.Scene:
     """Two discs above a floor, with `weight` times the gravity G; with a dynamic friction they also resist rolling."""
     effects = [
         lsm.LinearElastic(STIFFNESS),
@@ -31,7 +44,9 @@ def scene(position, weight=0.0, restitution=1.0, friction=0.0, dynamic=None, rol
     return scene_of(position, effects, walls=[FLOOR], **more)
 
 
-def impact(speed, offset=0.0, angular_velocity=(0.0, 0.0), gap=0.01, **more):
+def impact(
+    speed: float, offset: float = 0.0, angular_velocity: ArrayLike = (0.0, 0.0), gap: float = 0.01, **more
+) -> lsm.Scene:
     """Two discs that fly at each other along x, the second higher by `offset` [m]."""
     ahead = math.sqrt(1.0 - offset**2) + gap
     velocity = 0.5 * speed * np.array([(1.0, 0.0), (-1.0, 0.0)])
@@ -43,17 +58,17 @@ def impact(speed, offset=0.0, angular_velocity=(0.0, 0.0), gap=0.01, **more):
     )
 
 
-def resting(**more):
+def resting(**more) -> lsm.Scene:
     """Two discs side by side on the floor at the depth that carries their weight, pressed lightly together."""
     return scene([(0.0, REST), (0.999, REST)], weight=1.0, **more)
 
 
-def bouncing():
+def bouncing() -> lsm.Scene:
     """Two discs above each other that fall on the floor."""
     return scene([(0.0, 0.7), (0.0, 2.0)], weight=1.0, skin=0.5)
 
 
-def cohesive(speed):
+def cohesive(speed: float) -> lsm.Scene:
     """Two cohesive discs where the force between them is zero, parting at `speed` [m s-1]."""
     apart = 1.0 - WELL["pull_off_force"] / STIFFNESS
     velocity = 0.5 * speed * np.array([(-1.0, 0.0), (1.0, 0.0)])
@@ -63,18 +78,18 @@ def cohesive(speed):
     )  # to resolve the edge of escape
 
 
-def well_depth():
+def well_depth() -> float:
     """Energy [J] that tears cohesive discs apart."""
     f, h = WELL["pull_off_force"], WELL["distance"]
     return 0.5 * f * f / STIFFNESS + 0.5 * f * h
 
 
-def escape_speed():
+def escape_speed() -> float:
     """Speed of parting [m s-1] that just tears cohesive discs apart."""
     return math.sqrt(2.0 * well_depth() / (0.5 * MASS))
 
 
-def while_touching(sim, watch=lambda: None, most=20_000):
+def while_touching(sim: lsm.Simulation, watch: Callable[[], None] = lambda: None, most: int = 20000) -> Any:
     """Run until a contact has begun and ended; `watch` is called after every step."""
     met = False
     for _ in range(most):
@@ -87,7 +102,7 @@ def while_touching(sim, watch=lambda: None, most=20_000):
     raise lsm.SimulationError(f"no contact began and ended in {most} steps")
 
 
-def shaken(bench, sim, speed, full, short):
+def shaken(bench: Bench, sim: lsm.Simulation, speed: float, full: int, short: int) -> tuple[float, float]:
     """Error of the energy and share of sliding while the floor moves to and fro at `speed` [m s-1] for random times.
 
     Error of the energy balance over the energy dissipated [1]; share of the times at which a contact slid [1].
@@ -99,11 +114,11 @@ def shaken(bench, sim, speed, full, short):
         sim.run(int(rng.integers(5, 80)))
         sliding.append(sim.measure.sums()["sliding_count"] > 0)
     now = lsm.energies(sim)
-    return abs(now.balance - begin) / now.dissipated, np.mean(sliding)
+    return abs(now.balance - begin) / now.dissipated, float(np.mean(sliding))
 
 
 @hard("Impact at the smallest restitution", "error of the coefficient of restitution 0.01", 2e-3)
-def smallest_restitution(bench):
+def smallest_restitution(bench: Bench) -> float:
     """The dashpot for a restitution of 0.01 is far overdamped: its rate, not that of the spring, bounds the step.
 
     In codes whose step knows the spring alone, such contacts diverge or throw the grains back.
@@ -118,7 +133,7 @@ def smallest_restitution(bench):
 
 
 @hard("Hundreds of elastic impacts", "relative error of the energy", 3e-3)
-def elastic_impacts(bench):
+def elastic_impacts(bench: Bench) -> float:
     """Two discs that bounce on each other and on a floor without any loss.
 
     Where the force begins inside a step Verlet makes an error, and over many impacts such errors add up like a random
@@ -130,7 +145,7 @@ def elastic_impacts(bench):
 
 
 @hard("Dashpot stronger than any restitution", "0 if refused with the reason", 0.0)
-def restitution_out_of_range(bench):
+def restitution_out_of_range(bench: Bench) -> float:
     """A restitution of 0 or below 0.01 asks for a dashpot without bound, and with it for a step of zero.
 
     Some codes take it and return numbers that mean nothing.
@@ -142,7 +157,7 @@ def restitution_out_of_range(bench):
 
 
 @hard("Oblique impact without friction", "greatest change of an angular velocity", 0.0, unit="rad s-1")
-def frictionless_oblique_impact(bench):
+def frictionless_oblique_impact(bench: Bench) -> float:
     """With a friction coefficient of zero no torque may act on a disc: its angular velocity must keep every bit.
 
     Divisions by the limit of friction and torques from rounded normals break this.
@@ -157,7 +172,7 @@ def frictionless_oblique_impact(bench):
 
 
 @hard("Oblique impact with friction 10", "growth of the stored energy or error of the balance, relative", 1e-2)
-def friction_of_ten(bench):
+def friction_of_ten(bench: Bench) -> float:
     """A contact that practically never slides throws its tangential spring to and fro.
 
     What the spring holds must be cut back with the normal force as the grains part, or it becomes energy from nowhere.
@@ -173,7 +188,7 @@ def friction_of_ten(bench):
 
 
 @hard("Sliding reversed again and again", "error of the energy balance over the energy dissipated", 1e-5)
-def sliding_reversed(bench):
+def sliding_reversed(bench: Bench) -> float:
     """The floor under two discs jumps from one velocity to the opposite at random times.
 
     Each time the springs of friction must let go, pass through zero and slide the other way, and all work must be
@@ -184,7 +199,7 @@ def sliding_reversed(bench):
 
 
 @hard("Static friction far above dynamic friction", "error of the energy balance over the energy dissipated", 1e-5)
-def static_above_dynamic(bench):
+def static_above_dynamic(bench: Bench) -> float:
     """Grains on a shaken floor stick at a coefficient of 1 and slide at one of 0.05.
 
     Where the contact gives way the force drops at once by a factor of twenty, and what the spring held must count as
@@ -196,7 +211,7 @@ def static_above_dynamic(bench):
 
 
 @hard("Grazing contacts of about one step", "relative error of the energy", 1e-5)
-def grazing_contacts(bench):
+def grazing_contacts(bench: Bench) -> float:
     """Fast grains that graze each other overlap for about one step: the contact is seen once, twice or never.
 
     The error may be no more than the work of the deepest force over the path of a step, k L^4/16 at a path L.
@@ -213,7 +228,7 @@ def grazing_contacts(bench):
 
 
 @hard("Rolling resistance brings a disc to rest", "angular velocity left, over the amplitude of elastic rocking", 1.05)
-def rolling_to_rest(bench):
+def rolling_to_rest(bench: Bench) -> float:
     """A moment against rolling that always acts at its limit never lets a grain rest.
 
     It overshoots and turns the grain back. With its elastic share the grain rocks by no more than that holds.
@@ -228,7 +243,7 @@ def rolling_to_rest(bench):
 
 
 @hard("Cohesive pair at the edge of escape", "error of the energy over the depth of the well", 5e-4)
-def cohesive_pair(bench):
+def cohesive_pair(bench: Bench) -> float:
     """Two cohesive grains move out almost to where attraction ends, or just beyond.
 
     Codes that let attraction act on touching grains only, or drop pairs at the reach, create or lose the energy of the
@@ -247,7 +262,7 @@ def cohesive_pair(bench):
     return worst / well_depth()
 
 
-def rolling():
+def rolling() -> lsm.Scene:
     """Two discs that roll on the floor, apart from each other, in opposite directions."""
     speed = 0.5
     return scene(
@@ -262,7 +277,7 @@ def rolling():
     )
 
 
-def rocking_spin():
+def rocking_spin() -> float:
     """Greatest angular velocity [rad s-1] that rolling resistance and friction leave to a disc.
 
     It is what their springs hold at their limits: the amplitudes of rocking without slip and of the slip that the

@@ -1,12 +1,16 @@
 """Hard cases of places and lists: far away, in the same place, in cells too small, one grain and none."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import hard, refused
+from workflows.hard import Bench, hard, refused
 
 STIFFNESS = 1e6  # [N m-1]
 ROWS = 6  # of a square lattice of discs
@@ -15,26 +19,26 @@ STEPS = 2000
 BEFORE_CHAOS = 300  # steps in which a difference of the last bits grows a hundredfold
 
 
-def gas(offset=0.0, skin=0.1, speed=1.0):
+def gas(offset: ArrayLike = 0.0, skin: float | None = 0.1, speed: float = 1.0) -> lsm.Scene:
     """36 discs in a periodic square at random velocities, all moved by `offset` [m] along both axes."""
     rng = np.random.default_rng(1)
     place = np.stack(np.divmod(np.arange(ROWS**2), ROWS), axis=1) * (SIDE / ROWS)
     place = place + rng.uniform(-0.05, 0.05, place.shape)
     effects = [lsm.LinearElastic(STIFFNESS), lsm.CoulombFriction(0.3, 0.5 * STIFFNESS)]
     velocity = rng.normal(0.0, speed, place.shape)
-    cell = {"lengths": (SIDE, SIDE), "periodic": (True, True)}
-    return scene_of(np.float64(offset) + place, effects, velocity=velocity, skin=skin, **cell)
+    cell: dict[str, Any] = {"lengths": (SIDE, SIDE), "periodic": (True, True)}
+    return scene_of(np.asarray(offset, float) + place, effects, velocity=velocity, skin=skin, **cell)
 
 
-def flown(bench, scene, steps):
-    """Positions (n, dim) [m] after so many steps, as ways from those of the start."""
+def flown(bench: Bench, scene: lsm.Scene, steps: int) -> Any:
+    """Positions (n, dim) [m] after so many steps, as displacements from those of the start."""
     sim = bench.simulate(scene)
     sim.run(steps)
     return sim.state.position.to_numpy() - scene.position
 
 
 @hard("Coordinates of 1e5 diameters", "difference of the ways from those near 0, in diameters", 1e-7, f32_bound=1e-5)
-def far_from_the_origin(bench):
+def far_from_the_origin(bench: Bench) -> float:
     """After long shear grains have gone many times around the cell.
 
     In single precision a coordinate of 1e5 diameters is known to a hundredth of a diameter, ten times an overlap;
@@ -45,7 +49,7 @@ def far_from_the_origin(bench):
 
 
 @hard("List rebuilt in every step, and never", "difference of the positions, in diameters", 0.0)
-def any_list(bench):
+def any_list(bench: Bench) -> float:
     """The list of neighbours is a matter of speed.
 
     Whether it is rebuilt in every step or never, whatever the order in which pairs are found, the same bits must come
@@ -57,7 +61,7 @@ def any_list(bench):
 
 
 @hard("Two grains in the same place", "started simulations of two", 0.0)
-def coincident_centres(bench):
+def coincident_centres(bench: Bench) -> float:
     """Between coincident centres there is no normal: a division by zero, and a NaN that spreads.
 
     Both grains are named, discs as well as grains of arcs.
@@ -67,7 +71,7 @@ def coincident_centres(bench):
     return named_at_start(bench, round_grains) + named_at_start(bench, angular_pair(0.0))
 
 
-def named_at_start(bench, scene):
+def named_at_start(bench: Bench, scene: lsm.Scene) -> float:
     """0 if the simulation of the scene stops at its start and names the grains 0 and 1, else 1."""
     try:
         bench.simulate(scene).run(1)
@@ -76,13 +80,13 @@ def named_at_start(bench, scene):
     return 1.0
 
 
-def angular_pair(apart):
+def angular_pair(apart: float) -> lsm.Scene:
     """Two equal angular grains, turned alike, `apart` [m]."""
     shapes = {"shapes": lsm.random_angular_shapes(1, 1), "shape_index": [0, 0], "angle": np.zeros(2)}
     return scene_of([(0.0, 0.0), (apart, 0.0)], [lsm.LinearElastic(STIFFNESS)], **shapes)
 
 
-def scattered(distance):
+def scattered(distance: float) -> lsm.Scene:
     """18 pairs of discs about to collide, spread over `distance` [m] of open space."""
     rng = np.random.default_rng(2)
     middle = np.repeat(rng.uniform(-distance, distance, (ROWS**2 // 2, 2)), 2, axis=0)
@@ -92,7 +96,7 @@ def scattered(distance):
 
 
 @hard("Collisions spread over a million diameters", "collisions that were missed", 0.0)
-def spread_in_open_space(bench):
+def spread_in_open_space(bench: Bench) -> float:
     """A grid of cells that covers everything would hold 1e12 of them.
 
     Hashed cells hold grains from far apart in one list. No collision may be missed, and none added.
@@ -105,7 +109,7 @@ def spread_in_open_space(bench):
 
 
 @hard("One grain", "error of its displacement over a diameter", 1e-9)
-def one_grain(bench):
+def one_grain(bench: Bench) -> float:
     """No pair, an empty list, a cell that is all its own neighbours: the grain flies on as if nothing was there."""
     cell = {"lengths": (3.0, 3.0), "periodic": (True, True)}
     scene = scene_of([(1.0, 1.0)], [lsm.LinearElastic(STIFFNESS)], velocity=np.array([(3.0, -2.0)]), **cell)
@@ -115,13 +119,13 @@ def one_grain(bench):
 
 
 @hard("No grain", "0 if refused with the reason", 0.0)
-def no_grain(bench):
+def no_grain(bench: Bench) -> float:
     """Empty arrays pass through many a program until something divides by their length."""
     return refused(lambda: scene_of(np.empty((0, 2)), [lsm.LinearElastic(STIFFNESS)]), "no grains", "at least one")
 
 
 @hard("Grain larger than half of its cell", "accepted cells of two that are too small", 0.0)
-def cell_too_small(bench):
+def cell_too_small(bench: Bench) -> float:
     """A grain that meets its neighbour on both sides, or its own image, needs more than the nearest image.
 
     A code that considers one loses a contact without a word. The least length is named.

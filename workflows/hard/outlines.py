@@ -1,13 +1,16 @@
 """Hard cases of grains of arcs in 2D: seams, flat sides, corners, notches, needles, stacks and crowds of them."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import error_of_impact, hard
+from workflows.hard import Bench, error_of_impact, hard
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
 G = 10.0  # [m s-2]
@@ -17,21 +20,29 @@ FLAT = 2e-3  # bound in f32 where faces touch: 1e-6 m, the rounding of radii of 
 CELL = 7.0  # side of the periodic square of a crowd [m]
 
 
-def box(length, width, corner_radius=0.05):
+def box(length: float, width: float, corner_radius: float = 0.05) -> Any:
     """A rounded rectangle, long axis along x; corner_radius in its equivalent diameter."""
     x, y = 0.5 * length, 0.5 * width
     scale = np.sqrt(4.0 * length * width / np.pi)
     return lsm.from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * scale)
 
 
-def rotated_outline(shape, angle):
+def rotated_outline(shape: Any, angle: float) -> NDArray:
     """Outline (k, 2) of the shape turned by `angle` [rad]."""
     parts = np.concatenate([part.outline(4000) for part in shape.parts])
     c, s = np.cos(angle), np.sin(angle)
     return parts @ np.array([[c, s], [-s, c]])
 
 
-def impact(shapes, angles, velocity=1.0, height=0.0, angular_velocity=(0.0, 0.0), gap=0.01, **more):
+def impact(
+    shapes: Sequence[Any],
+    angles: Any,
+    velocity: float = 1.0,
+    height: float = 0.0,
+    angular_velocity: ArrayLike = (0.0, 0.0),
+    gap: float = 0.01,
+    **more,
+) -> lsm.Scene:
     """Two grains that fly at each other along x with a velocity [m s-1] of approach.
 
     The second is `height` [m] above the first, `gap` [m] lies between the lines that bound them.
@@ -49,7 +60,7 @@ def impact(shapes, angles, velocity=1.0, height=0.0, angular_velocity=(0.0, 0.0)
 
 
 @hard("Seams hit at grazing angles", "relative error of the energy in one impact", 1e-3)
-def grazing_seams(bench):
+def grazing_seams(bench: Bench) -> float:
     """Spinning grains brush each other, and the contact runs over many seams between patches.
 
     Where the normal jumps at a seam, every crossing costs or gives energy; here it is continuous, only its rate of
@@ -66,7 +77,7 @@ def grazing_seams(bench):
 
 
 @hard("Flat side on flat side", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def flat_on_flat(bench):
+def flat_on_flat(bench: Bench) -> float:
     """Two boxes meet face on face, exactly parallel or tilted by 1e-12 to 1e-3.
 
     The place of the contact is not defined, or races along the faces while they tilt.
@@ -77,7 +88,7 @@ def flat_on_flat(bench):
 
 
 @hard("Flat side on flat side, exactly parallel", "angular velocity after the impact, times diameter over speed", 1e-6)
-def parallel_faces_do_not_turn(bench):
+def parallel_faces_do_not_turn(bench: Bench) -> float:
     """Nothing in a symmetric impact prefers a side.
 
     Codes with several contact points, or a search that stops at the first patch that fits, turn the grains all the
@@ -90,7 +101,7 @@ def parallel_faces_do_not_turn(bench):
 
 
 @hard("Corner on corner", "relative error of the energy in one impact", 1e-4)
-def corner_on_corner(bench):
+def corner_on_corner(bench: Bench) -> float:
     """Two rounded corners meet head on, or nearly: the smallest radii of curvature, and the normal turns fastest."""
     square = box(1.0, 1.0)
     angles = ((0.25 * np.pi, 0.25 * np.pi), (0.25 * np.pi, 0.25 * np.pi + 1e-9), (0.7, 0.9))
@@ -98,7 +109,7 @@ def corner_on_corner(bench):
 
 
 @hard("Sharp corner pressed to 0.8 of its overlap limit", "relative error of the energy in one impact", 1e-4)
-def sharp_corner(bench):
+def sharp_corner(bench: Bench) -> float:
     """A corner of radius 0.01 d carries a contact only to twice that depth.
 
     Beyond, the patches behind it take over the wrong side. Just below, all must still be smooth.
@@ -111,7 +122,7 @@ def sharp_corner(bench):
 
 
 @hard("Needles of 10:1 that hit at their tips", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def needle_tips(bench):
+def needle_tips(bench: Bench) -> float:
     """A needle hit at its tip starts to rotate, and its other end may come back for a second impact.
 
     Its moment of inertia makes the contact many times stiffer than that of a disc, which the step has to know.
@@ -123,7 +134,7 @@ def needle_tips(bench):
 
 
 @hard("Flakes of 1:10 that meet face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def flakes(bench):
+def flakes(bench: Bench) -> float:
     """Long faces, almost parallel: the contact point jumps from one end to the other within a few steps."""
     flake = box(10.0, 1.0)
     upright = 0.5 * np.pi
@@ -131,13 +142,13 @@ def flakes(bench):
     return max(error_of_impact(bench, impact((flake, flake), (upright, upright + tilt))) for tilt in tilts)
 
 
-def cross_pair(angles, **more):
+def cross_pair(angles: Any, **more) -> lsm.Scene:
     """A cross and a square, or two crosses, as an impact."""
     return impact((lsm.crossed_bars(), more.pop("other", lsm.crossed_bars())), angles, **more)
 
 
 @hard("Corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def into_a_notch(bench):
+def into_a_notch(bench: Bench) -> float:
     """A corner that enters the notch of a cross touches both of its arms at once.
 
     Codes with one contact per pair of grains lose one of them, codes that join overlaps into one get the direction of
@@ -147,7 +158,7 @@ def into_a_notch(bench):
     return max(error_of_impact(bench, cross_pair(a)) for a in angles)
 
 
-def locked_crosses():
+def locked_crosses() -> lsm.Scene:
     """Two crosses with an arm each in a notch of the other, 2 cm apart, moving against each other."""
     cross = lsm.crossed_bars()
     half = float(rotated_outline(cross, 0.0)[:, 0].max())
@@ -160,7 +171,7 @@ def locked_crosses():
 
 
 @hard("Interlocked crosses", "relative error of the energy, with the grains apart", 1e-4, f32_bound=FLAT)
-def interlocked(bench):
+def interlocked(bench: Bench) -> float:
     """Non-convex grains that hold each other touch at several places in turn, up to four contacts in one pair."""
     sim = bench.simulate(locked_crosses())
     start, worst = lsm.energies(sim).balance, 0.0
@@ -171,7 +182,9 @@ def interlocked(bench):
     return worst
 
 
-def crowd(shapes, scale, seed, restitution, friction, speed: float | NDArray = 1.0):
+def crowd(
+    shapes: Sequence[Any], scale: Any, seed: int, restitution: float, friction: float, speed: float | NDArray = 1.0
+) -> lsm.Scene:
     """CROWD grains on a lattice in a periodic square, at random velocities of `speed` [m s-1; of rotation, s-1]."""
     rng = np.random.default_rng(seed)
     rows = int(np.ceil(np.sqrt(CROWD)))
@@ -195,7 +208,7 @@ def crowd(shapes, scale, seed, restitution, friction, speed: float | NDArray = 1
     )
 
 
-def worst_error(bench, scene, full, short):
+def worst_error(bench: Bench, scene: lsm.Scene, full: int, short: int) -> float:
     """Greatest error of the energy balance over the energy at the start."""
     sim = bench.simulate(scene)
     start, worst = lsm.energies(sim).balance, 0.0
@@ -206,7 +219,7 @@ def worst_error(bench, scene, full, short):
 
 
 @hard("Crowd of needles and angular grains", "error of stored and dissipated energy over that of the start", 5e-3)
-def needles_in_a_crowd(bench):
+def needles_in_a_crowd(bench: Bench) -> float:
     """Elongated and angular grains with friction and damping, in contact at several places and turning fast.
 
     The sum of all errors of contacts and of the dissipated energy may not feed the crowd.
@@ -216,7 +229,7 @@ def needles_in_a_crowd(bench):
 
 
 @hard("Grains of sizes 1:20", "relative error of the energy", 1e-3)
-def sizes_of_grains(bench):
+def sizes_of_grains(bench: Bench) -> float:
     """Small grains among large ones in one list and one step.
 
     The smallest sets the step, the largest the cells, and a small corner meets faces that look like planes.
@@ -228,7 +241,7 @@ def sizes_of_grains(bench):
     return worst_error(bench, crowd(shapes, scale, 5, 1.0, 0.0, speed), 1_000_000, 50_000)
 
 
-def stars():
+def stars() -> lsm.Scene:
     """16 grains of two bars crossed at a right angle, as close as their bounding circles let them, at random motion."""
     bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
     star = lsm.union([lsm.place_part(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
@@ -243,7 +256,7 @@ def stars():
 
 
 @hard("Gas of stars", "relative error of the energy", 1e-3, f32_bound=FLAT)
-def gas_of_stars(bench):
+def gas_of_stars(bench: Bench) -> float:
     """The circles of the parts of a grain reach out of the circle that bounds it as closely as possible.
 
     Where one is used in place of the other, a contact is looked for too late, and arms pass through each other.
@@ -251,7 +264,7 @@ def gas_of_stars(bench):
     return worst_error(bench, stars(), 200_000, 10_000)
 
 
-def stack(count=4):
+def stack(count: int = 4) -> lsm.Scene:
     """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping.
 
     Their faces bulge a little; without a damping of all motion they would rock on them for ever, as they should.
@@ -272,7 +285,7 @@ def stack(count=4):
 
 
 @hard("Stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)
-def stack_at_rest(bench):
+def stack_at_rest(bench: Bench) -> float:
     """Large faces that rest on each other.
 
     The contact may wander from end to end and rock the stack for ever, or let it creep.

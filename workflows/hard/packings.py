@@ -1,10 +1,14 @@
 """Hard cases of packings: grains of very different size, that overlap at the start, that are very stiff, and any."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import hard
+from workflows.hard import Bench, hard
 
 STIFFNESS = 1e6  # [N m-1]
 ROWS = 6  # of a lattice of discs
@@ -13,7 +17,7 @@ CELL = {"lengths": (SIDE, SIDE), "periodic": (True, True)}
 SMALL = 200  # small spheres around a large one
 
 
-def effects_of(stiffness=STIFFNESS, restitution=1.0, friction=0.0):
+def effects_of(stiffness: float = STIFFNESS, restitution: float = 1.0, friction: float = 0.0) -> list[Any]:
     """Elastic, damped, frictional."""
     return [
         lsm.LinearElastic(stiffness),
@@ -22,7 +26,7 @@ def effects_of(stiffness=STIFFNESS, restitution=1.0, friction=0.0):
     ]
 
 
-def growth(sim, steps, samples=20):
+def growth(sim: lsm.Simulation, steps: int, samples: int = 20) -> float:
     """Greatest growth of stored and dissipated energy over the energy at the start; infinite if a number is lost."""
     start, worst = lsm.energies(sim).balance, 0.0
     for _ in range(samples):
@@ -32,7 +36,7 @@ def growth(sim, steps, samples=20):
     return worst
 
 
-def giant_and_dwarfs():
+def giant_and_dwarfs() -> lsm.Scene:
     """A sphere of 1 m amid 200 of 1 cm in a periodic cell; all share the same mean energy."""
     rng = np.random.default_rng(1)
     direction = rng.normal(size=(SMALL, 3))
@@ -45,7 +49,7 @@ def giant_and_dwarfs():
 
 
 @hard("Sizes 1:100, masses 1:1e6", "relative error of the energy", 1e-3)
-def giant_among_dwarfs(bench):
+def giant_among_dwarfs(bench: Bench) -> float:
     """The smallest sphere sets the time step and the largest the size of the cells.
 
     The sum of forces on the giant is a million times the force on a dwarf, in which small ones drown if they are added
@@ -59,7 +63,7 @@ def giant_among_dwarfs(bench):
     return worst
 
 
-def overlapping(seed):
+def overlapping(seed: int) -> lsm.Scene:
     """36 discs thrown into a square at random: two centres may be half a diameter apart."""
     rng, place = np.random.default_rng(seed), []
     while len(place) < ROWS**2:
@@ -72,7 +76,7 @@ def overlapping(seed):
 
 
 @hard("Packing that overlaps at the start", "greatest energy over the elastic energy at the start", 1.001)
-def overlapping_start(bench):
+def overlapping_start(bench: Bench) -> float:
     """Discs thrown in at random hold a thousand times the energy of a layer under stress.
 
     All of it is released, and no more: nothing may be shot through its neighbours, and damping must take it up.
@@ -87,7 +91,7 @@ def overlapping_start(bench):
 
 
 @hard("What an overlapping start releases", "kinetic energy left over the elastic energy of the start", 1e-2)
-def relaxed_start(bench):
+def relaxed_start(bench: Bench) -> float:
     """After the release the packing has to come to rest, not go on as a gas."""
     sim = bench.simulate(overlapping(2))
     stored = lsm.energies(sim).elastic
@@ -95,7 +99,7 @@ def relaxed_start(bench):
     return lsm.energies(sim).kinetic / stored
 
 
-def jammed(overlap):
+def jammed(overlap: float) -> lsm.Scene:
     """A periodic triangular lattice of discs that overlap by `overlap` [m], moving as fast as that lets them."""
     rng = np.random.default_rng(3)
     row, column = np.divmod(np.arange(ROWS**2), ROWS)
@@ -113,7 +117,7 @@ def jammed(overlap):
     1e-2,
     excepted="the rounding of lengths of one diameter, 6e-8, is some per cent of an overlap of 1e-6 diameters",
 )
-def very_stiff(bench):
+def very_stiff(bench: Bench) -> float:
     """Overlaps of a millionth of a diameter are the small difference of lengths of one diameter.
 
     Ten digits must be left of them, and contacts open and close all the time.
@@ -126,7 +130,7 @@ def very_stiff(bench):
     return worst
 
 
-def sheared():
+def sheared() -> lsm.Scene:
     """36 discs of sizes 1:4, dense, in a cell under homogeneous shear."""
     rng = np.random.default_rng(4)
     scale = np.geomspace(0.5, 2.0, ROWS**2)[rng.permutation(ROWS**2)]
@@ -137,7 +141,7 @@ def sheared():
 
 
 @hard("Sizes 1:4 in a sheared cell", "error of the energy balance over the work of shearing", 1e-3)
-def polydisperse_shear(bench):
+def polydisperse_shear(bench: Bench) -> float:
     """Grains cross the border at speed and meet their neighbours' images, small ones between large ones.
 
     The work of the shear must be what is dissipated and stored.
@@ -150,13 +154,13 @@ def polydisperse_shear(bench):
     return abs(end.balance - begin.balance) / abs(end.work - begin.work)
 
 
-def any_discs(seed):
+def any_discs(seed: int) -> lsm.Scene:
     """Any 36 discs: sizes, velocities, rotation, stiffness, restitution and friction are drawn at random."""
     rng = np.random.default_rng(seed)
     return any_grains(rng, [lsm.disc()], ROWS, rng.uniform(0.3, 0.95, ROWS**2))
 
 
-def any_angular(seed):
+def any_angular(seed: int) -> lsm.Scene:
     """Any 16 angular grains, drawn like `any_discs`."""
     rng = np.random.default_rng(seed)
     corner, elongation, angularity = rng.uniform(0.05, 0.15), rng.uniform(1.0, 1.8), rng.uniform(0.0, 1.0)
@@ -164,7 +168,7 @@ def any_angular(seed):
     return any_grains(rng, shapes, 4, rng.uniform(0.5, 0.9, 16))
 
 
-def any_grains(rng, shapes, rows, scale):
+def any_grains(rng: np.random.Generator, shapes: list[Any], rows: Any, scale: Any) -> lsm.Scene:
     """Grains of these shapes and sizes on a lattice of so many rows, with parameters drawn from `rng`."""
     count = rows**2
     stiffness = 10.0 ** rng.uniform(5.0, 8.0)
@@ -190,14 +194,14 @@ def any_grains(rng, shapes, rows, scale):
 
 
 @hard("Any discs", "greatest growth of the energy over that of the start", 5e-3)
-def random_discs(bench):
+def random_discs(bench: Bench) -> float:
     """Not one situation but many: whatever is drawn, the energy may not grow and no number may be lost."""
     seeds = range(bench.steps(60, 6))
     return max(growth(bench.simulate(any_discs(seed)), bench.steps(40_000, 4000)) for seed in seeds)
 
 
 @hard("Any angular grains", "greatest growth of the energy over that of the start", 5e-3)
-def random_angular(bench):
+def random_angular(bench: Bench) -> float:
     """The same of polygons of any angularity, elongation and roundness."""
     seeds = range(bench.steps(60, 6))
     return max(growth(bench.simulate(any_angular(seed)), bench.steps(40_000, 4000)) for seed in seeds)

@@ -1,12 +1,17 @@
 """Hard cases of solid grains in 3D: edges, faces, corners, needles and plates, and rotation without forces."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import error_of_impact, hard
+from workflows.hard import Bench, error_of_impact, hard
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
 FLAT = 5e-3  # bound in f32: 1e-6 m, the rounding of face radii of some meters, is some 1e-3 of the overlaps
@@ -14,7 +19,7 @@ EFFECTS = [lsm.LinearElastic(STIFFNESS)]
 X, Y, Z = np.eye(3)
 
 
-def box(length, width, height, corner_radius=0.05):
+def box(length: float, width: float, height: float, corner_radius: float = 0.05) -> Any:
     """A rounded block of these sides [m], rescaled to the equivalent diameter 1."""
     sides = np.array([length, width, height], float)
     distances = 0.5 * np.concatenate([sides, sides])
@@ -22,19 +27,19 @@ def box(length, width, height, corner_radius=0.05):
     return lsm.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), distances, corner_radius * size)
 
 
-def turn(axis, angle):
+def turn(axis: NDArray, angle: float) -> NDArray:
     """Unit quaternion (w, x, y, z) of the turn by `angle` [rad] about an axis."""
     axis = np.asarray(axis, float) / np.linalg.norm(axis)
     return np.concatenate([[np.cos(0.5 * angle)], np.sin(0.5 * angle) * axis])
 
 
-def after(second, first):
+def after(second: NDArray, first: NDArray) -> NDArray:
     """Quaternion of the turn `first` followed by `second`."""
     w, v, u, x = second[0], second[1:], first[0], first[1:]
     return np.concatenate([[w * u - v @ x], w * x + u * v + np.cross(v, x)])
 
 
-def rotated(q, a):
+def rotated(q: NDArray, a: NDArray) -> NDArray:
     """The vector a, turned by the quaternion q."""
     across = 2.0 * np.cross(q[1:], a)
     return a + q[0] * across + np.cross(q[1:], across)
@@ -45,7 +50,14 @@ EDGE_FIRST = turn(Z, 0.25 * np.pi)  # of a cube: an edge along z points along x
 CORNER_FIRST = after(turn(Y, np.arctan(np.sqrt(0.5))), EDGE_FIRST)
 
 
-def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), angular_velocity=None, kinds=(0, 1)):
+def impact(
+    shapes: Sequence[Any],
+    turns: Any,
+    velocity: float = 1.0,
+    offset: Sequence[float] | NDArray = (0.0, 0.0),
+    angular_velocity: ArrayLike | None = None,
+    kinds: Any = (0, 1),
+) -> lsm.Scene:
     """Two grains that fly at each other along x with a velocity [m s-1] of approach.
 
     They have the shapes `kinds`, and the second is `offset` [m] aside.
@@ -63,13 +75,13 @@ def impact(shapes, turns, velocity=1.0, offset=(0.0, 0.0), angular_velocity=None
     )
 
 
-def worst_impact(bench, scenes):
+def worst_impact(bench: Bench, scenes: Iterable[lsm.Scene]) -> float:
     """Greatest error of the energy over several impacts."""
     return max(error_of_impact(bench, scene, most=200_000) for scene in scenes)
 
 
 @hard("Spinning grains that brush edges", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def brushing_edges(bench):
+def brushing_edges(bench: Bench) -> float:
     """Fast rotation drags the contact over edges and seams at grazing angles within one impact."""
     # first of its file: a compiled simulation has room for the shapes that it was made with
     shapes = lsm.random_angular_polyhedra(4, 1)
@@ -86,7 +98,7 @@ def brushing_edges(bench):
 
 
 @hard("Edge on parallel edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def parallel_edges(bench):
+def parallel_edges(bench: Bench) -> float:
     """Two cubes meet edge on edge, exactly parallel or tilted by 1e-9 to 1e-3.
 
     The nearest points of two parallel lines are not defined, and a solver for them divides by zero.
@@ -97,7 +109,7 @@ def parallel_edges(bench):
 
 
 @hard("Edge across edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def crossed_edges(bench):
+def crossed_edges(bench: Bench) -> float:
     """The contact lies on no corner and no face of either grain: codes that test corners against faces miss it."""
     cube = box(1.0, 1.0, 1.0)
     return worst_impact(
@@ -106,7 +118,7 @@ def crossed_edges(bench):
 
 
 @hard("Face on face", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def face_on_face(bench):
+def face_on_face(bench: Bench) -> float:
     """Two faces that meet exactly parallel touch everywhere at once.
 
     Tilted by 1e-9, the contact point runs across the face in a few steps.
@@ -116,7 +128,7 @@ def face_on_face(bench):
 
 
 @hard("Corner on corner of solids", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def corners(bench):
+def corners(bench: Bench) -> float:
     """Where three edges meet, seven features lie within a corner radius of each other."""
     cube = box(1.0, 1.0, 1.0)
     mirrored = after(turn(Z, np.pi), CORNER_FIRST)
@@ -126,7 +138,7 @@ def corners(bench):
 
 
 @hard("Needle of 10:1 hit at its tip", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def needle(bench):
+def needle(bench: Bench) -> float:
     """Two needles across each other meet near their tips.
 
     They start to rotate at once, about axes with moments of inertia a hundred times apart.
@@ -138,7 +150,7 @@ def needle(bench):
 
 
 @hard("Plate of 1:10 hit on its rim", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
-def plate(bench):
+def plate(bench: Bench) -> float:
     """A plate hits another with its rim, flat on and near the rim: thin edges against wide faces."""
     flake = box(10.0, 10.0, 1.0)
     facing = turn(Y, 0.5 * np.pi)
@@ -146,7 +158,7 @@ def plate(bench):
     return worst_impact(bench, (impact((flake, flake), (facing, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.0, 0.9)))
 
 
-def rotors(shape, angular_velocity, dt=None):
+def rotors(shape: Any, angular_velocity: ArrayLike, dt: float | None = None) -> lsm.Scene:
     """Two grains of one shape far apart that rotate without forces, the second the other way."""
     apart = 10.0 * shape.bounding_radius
     more = {
@@ -157,7 +169,7 @@ def rotors(shape, angular_velocity, dt=None):
     return scene_of([(0.0, 0.0, 0.0), (apart, 0.0, 0.0)], EFFECTS, dt=dt, **more)
 
 
-def energies_of(sim, samples, every):
+def energies_of(sim: lsm.Simulation, samples: int, every: int) -> NDArray:
     """Kinetic energy [J] at `samples` times, `every` steps apart."""
     found = [lsm.energies(sim).kinetic]
     for _ in range(samples):
@@ -167,7 +179,7 @@ def energies_of(sim, samples, every):
 
 
 @hard("Moments of inertia 1e4 apart", "relative error of the energy of a free rotor", 1e-3)
-def inertia_ratio(bench):
+def inertia_ratio(bench: Bench) -> float:
     """A long rod that tumbles end over end and turns about its axis.
 
     The two rates are ten thousand times apart, and Euler's equations are stiff.
@@ -180,7 +192,7 @@ def inertia_ratio(bench):
 
 
 @hard("Half a radian per step", "change of the mean energy over a run", 1e-3)
-def half_a_radian_per_step(bench):
+def half_a_radian_per_step(bench: Bench) -> float:
     """A grain thrown out of a break may rotate so fast that it turns by half a radian in one step.
 
     A scheme that is only nearly symmetric warms it up or slows it down; here the energy may ripple, but has no trend.
@@ -194,7 +206,7 @@ def half_a_radian_per_step(bench):
 
 
 @hard("Rotation about the middle axis", "relative error of the energy over all flips", 1e-4)
-def middle_axis(bench):
+def middle_axis(bench: Bench) -> float:
     """Rotation about the axis of the middle moment is unstable: the grain flips over again and again.
 
     Schemes without symmetry lose the rhythm and settle to another axis.
@@ -217,7 +229,7 @@ def middle_axis(bench):
 
 
 @hard("Quaternions after very many steps", "greatest deviation of their length from 1", 1e-12)
-def unit_quaternions(bench):
+def unit_quaternions(bench: Bench) -> float:
     """Rounding lengthens a quaternion in every step; one that is not unit stretches the grain and all its contacts."""
     sim = bench.simulate(rotors(box(1.5, 1.2, 0.8), (3.0, 2.0, 1.0)))
     worst = 0.0

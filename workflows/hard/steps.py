@@ -1,12 +1,15 @@
 """Hard cases of the time step: steps that are too long, impacts too fast for them, and the guards that find out."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of
-from workflows.hard import hard, refused, steps_until_stopped
+from workflows.hard import Bench, hard, refused, steps_until_stopped
 
 STIFFNESS = 1e5  # [N m-1]
 MASS = 250.0 * np.pi  # of a disc of 1 m [kg]
@@ -17,19 +20,19 @@ AMPLITUDE = 1e-3  # of the held discs at the start [m]
 OSCILLATION_STEPS = 400  # steps over which an oscillation must grow to be called unstable
 
 
-def elastic():
+def elastic() -> list[Any]:
     """Linear springs."""
     return [lsm.LinearElastic(STIFFNESS)]
 
 
-def held_pair(dt, guards=None):
+def held_pair(dt: float | None, guards: lsm.Guards | None = None) -> lsm.Scene:
     """Two discs that cohesion holds at the depth HELD, oscillating about it by AMPLITUDE."""
     effects = [*elastic(), lsm.Cohesion(pull_off_force=STIFFNESS * HELD, distance=RANGE)]
     more = {"guards": guards} if guards else {}
     return scene_of([[0.0, 0.0], [1.0 - HELD + AMPLITUDE, 0.0]], effects, dt=dt, **more)
 
 
-def greatest_oscillation(sim, steps):
+def greatest_oscillation(sim: lsm.Simulation, steps: int) -> float:
     """Greatest distance from rest of the held discs over that of the start [1]; infinite if the run is stopped."""
     widest = 0.0
     for _ in range(steps):
@@ -44,7 +47,7 @@ def greatest_oscillation(sim, steps):
     return widest / AMPLITUDE
 
 
-def blow_up_step(bench):
+def blow_up_step(bench: Bench) -> float:
     """Measured critical step [s] of the held pair: the shortest at which its oscillation grows, by bisection."""
     low, high = 0.5 * CRITICAL, 2.0 * CRITICAL
     free = lsm.Guards(step=None, displacement=None, energy=None)
@@ -56,7 +59,7 @@ def blow_up_step(bench):
 
 
 @hard("Step of 0.9 of the critical one", "greatest oscillation of a contact over its first", 1.01)
-def step_below_critical(bench):
+def step_below_critical(bench: Bench) -> float:
     """Verlet oscillates without growth up to the step 2/omega.
 
     Codes that judge a step by rules of thumb waste half of it or exceed it. The critical step is measured here: the
@@ -70,7 +73,7 @@ def step_below_critical(bench):
 @hard(
     "Step of 1.1 of the critical one", "greatest oscillation of a contact over its first before the run is refused", 1.0
 )
-def step_above_critical(bench):
+def step_above_critical(bench: Bench) -> float:
     """Above the critical step a contact gains energy in every step and grains fly apart.
 
     Often they do only after hours of a run. It must be refused before the first step, with the step to use.
@@ -82,7 +85,7 @@ def step_above_critical(bench):
         return 1.0 if "Scene.dt" in str(error) and "must be <=" in str(error) else math.inf
 
 
-def crowd(dt):
+def crowd(dt: float | None) -> lsm.Scene:
     """16 discs in a periodic triangular lattice, each pressed by its six neighbours, at random velocities."""
     row, column = np.divmod(np.arange(16), 4)
     near = 0.99
@@ -93,7 +96,7 @@ def crowd(dt):
 
 
 @hard("Step that suits two grains, but not a crowd", "steps until the run is stopped with the step to use", 1.0)
-def step_of_a_pair_in_a_crowd(bench):
+def step_of_a_pair_in_a_crowd(bench: Bench) -> float:
     """A grain among six neighbours oscillates faster than one of a pair.
 
     A step that is stable while grains are loose can become unstable when they are packed. The contacts that are there
@@ -107,13 +110,13 @@ def step_of_a_pair_in_a_crowd(bench):
 
 
 @hard("Step of zero, less, or no number", "accepted steps of four that make no sense", 0.0)
-def step_without_sense(bench):
+def step_without_sense(bench: Bench) -> float:
     """A step of zero runs for ever and a negative one backwards, with dampers that feed energy in."""
     senseless = (0.0, -1e-3, math.nan, math.inf)
     return float(sum(refused(lambda dt=dt: bench.simulate(on_floor(0.0, dt)), "Scene.dt") > 0.0 for dt in senseless))
 
 
-def on_floor(speed, dt, stiffness=STIFFNESS, height=50.0):
+def on_floor(speed: float, dt: float | None, stiffness: float = STIFFNESS, height: float = 50.0) -> lsm.Scene:
     """Two discs 20 cm apart that approach each other at `speed` each [m s-1], `height` above a floor [m]."""
     position, velocity = [[-0.6, height], [0.6, height]], [[speed, 0.0], [-speed, 0.0]]
     floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
@@ -121,7 +124,7 @@ def on_floor(speed, dt, stiffness=STIFFNESS, height=50.0):
 
 
 @hard("Impact that crosses half a grain in one step", "steps until the run is stopped", 1.0)
-def crossing_in_one_step(bench):
+def crossing_in_one_step(bench: Bench) -> float:
     """A grain that moves by its own radius in a step may pass through another without ever being in contact.
 
     Nothing in the energies tells. Its displacement in a step is limited, and the error names the step to use.
@@ -135,7 +138,7 @@ def crossing_in_one_step(bench):
 
 
 @hard("Impact deeper than a contact can be", "overlap over the sum of the radii when the run is stopped", 0.999)
-def deeper_than_the_limit(bench):
+def deeper_than_the_limit(bench: Bench) -> float:
     """Soft grains hit hard overlap until their centres pass each other.
 
     Then the contact pushes them through instead of back. The run must stop before, not drop the contact.
@@ -149,7 +152,7 @@ def deeper_than_the_limit(bench):
 
 
 @hard("Velocity that is not a number", "steps until the run is stopped", 1.0)
-def not_a_number(bench):
+def not_a_number(bench: Bench) -> float:
     """One NaN spreads from contact to contact through a whole packing, and every comparison with it is false.
 
     Lists and averages hide it for thousands of steps. The grain is named in the step in which its position is lost.
@@ -163,7 +166,7 @@ def not_a_number(bench):
 
 
 @hard("Grain shot at a wall that is too soft", "displacement of the centre beyond the wall at the stop, in radii", 0.2)
-def through_a_wall(bench):
+def through_a_wall(bench: Bench) -> float:
     """Beyond a wall there is nothing to push a grain back once its centre has crossed it: it leaves the experiment."""
     scene = on_floor(0.0, 0.02 * CRITICAL, height=1.0)
     scene.velocity[:, 1] = -15.0
@@ -177,7 +180,7 @@ def through_a_wall(bench):
 
 
 @hard("Scheme that feeds energy in", "energy over that of the start when the run is stopped", 1.5)
-def lost_balance(bench):
+def lost_balance(bench: Bench) -> float:
     """The scheme as the paper prints it gains energy in every contact.
 
     A slow gain looks like physics, a hot granular gas, until the balance of the energy is computed.

@@ -1,6 +1,13 @@
 """The picture of the energy-conservation experiment: Figure 4 of the paper, error, and drift against the step."""
 
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
 import numpy as np
+
+from workflows.common.run_table import Rows
 
 NAMES = {
     "onset_verlet": "Verlet with onset correction",
@@ -22,7 +29,7 @@ WITH_SHADOW = ("onset_verlet", "velocity_verlet")
 TERMS = ("translational_energy", "rotational_energy", "elastic_energy")
 
 
-def plot_energy(path, rows, series, published):
+def plot_energy(path: Path, rows: Rows, series: dict[str, Any], published: float) -> None:
     """Draw energy.png. rows, series: of `energy_conservation.measure`; published: drift of the paper [1]."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

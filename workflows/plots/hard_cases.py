@@ -1,12 +1,18 @@
 """The picture of the hard cases: how much of its bound each of them uses, in both precisions."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 import numpy as np
+
+from workflows.common.run_table import Rows
 
 COLOURS = {"f64": "#0072b2", "f32": "#e69f00"}
 LEAST = 1e-12  # share of a bound that is drawn; what is below lies at the border
 
 
-def plot_cases(path, rows):
+def plot_cases(path: Path, rows: Rows) -> None:
     """Draw the rows of `hard_cases.measure` to the file `path`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,11 +1,18 @@
 """Pictures of a sheared layer: the true outlines of the grains in grains.nc, coloured by velocity."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 import taichi_lsm as lsm
+
+if TYPE_CHECKING:
+    import xarray
 
 SEGMENTS = 32  # chords in a quarter of a circle, in sections
 ARC_STEP = 0.3  # rad, longest chord of an outline
@@ -25,7 +32,7 @@ class Snapshot(NamedTuple):
     number: np.ndarray  # (grain,) persistent
 
 
-def read_snapshot(path, index=-1):
+def read_snapshot(path: Path, index: int = -1) -> Snapshot:
     """Snapshot `index` of the file grains.nc at `path`; in 3D the section through the middle of the width.
 
     The positions on file are unwrapped; the file names the lengths of the periodic axes.
@@ -96,7 +103,7 @@ def _turned_outlines(grains, now):
     return [o @ np.array([[c, s], [-s, c]]) for o, c, s in zip(outlines, cos, sin, strict=True)]
 
 
-def shape_outlines(grains):
+def shape_outlines(grains: xarray.Dataset) -> list[NDArray]:
     """Outline (points, 2) of every shape of a 2D grains.nc, in units of shape_scale: the arcs of its patches."""
     patches = (grains[f"patch_{name}"].values for name in ("centre", "radius", "axis", "angle"))
     arcs = [c + r * _arc(np.arctan2(a[1], a[0]), half) for c, r, a, half in zip(*patches, strict=True)]
@@ -110,7 +117,7 @@ def _arc(middle, half):
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def draw_packing(axes, snapshot, marked=()):
+def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> Any:
     """Draw the outlines coloured by velocity; returns what a colour bar needs.
 
     Glued grains are grey, those with the numbers `marked` edged in red.

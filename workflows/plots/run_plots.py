@@ -3,6 +3,9 @@
 matplotlib is imported when something is drawn. The colours, of Okabe and Ito, stay apart for colour-blind eyes.
 """
 
+from __future__ import annotations
+
+import os
 import textwrap
 import tomllib
 from contextlib import contextmanager
@@ -11,6 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
@@ -45,7 +49,7 @@ def _figure(path, size):
         figure.savefig(path)
 
 
-def plot_run(out):
+def plot_run(out: str | os.PathLike[str]) -> Path:
     """Draw run.png of a run of shear-gouge: friction, layer, thickness and energy; returns its path."""
     out = Path(out)
     dataset = lsm.open_run(out / "run.nc")
@@ -62,7 +66,7 @@ def plot_run(out):
     return out / "run.png"
 
 
-def plot_stopped(out, error):
+def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError) -> Path:
     """Draw stopped.png: the layer when the SimulationError stopped it, with the grains at fault; returns its path."""
     out = Path(out)
     snapshot = read_snapshot(out / "grains.nc")
@@ -75,7 +79,7 @@ def plot_stopped(out, error):
     return out / "stopped.png"
 
 
-def plot_comparison(out):
+def plot_comparison(out: str | os.PathLike[str]) -> Path:
     """Draw friction.png from compare.nc and the files of the complete runs it names; returns its path."""
     out = Path(out)
     table = lsm.open_run(out / "compare.nc")
@@ -135,7 +139,7 @@ def _conditions(params, sheared):
     )
 
 
-def running_mean(values, width):
+def running_mean(values: NDArray, width: int) -> NDArray:
     """Mean over `width` samples about each, fewer at the ends; same length as `values`."""
     kernel = np.ones(min(max(1, width), len(values)))
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
@@ -175,7 +179,7 @@ def _draw_comparison(axes, series, found):
     axes.set_title("(a) friction of the sheared layer")
 
 
-def published_rows():
+def published_rows() -> list[tuple]:
     """(dimension, friction, label, kind, round or angular, remark, values) of the checked references, unsorted.
 
     Values of one source and condition share a row; the friction is their mean.

@@ -1,11 +1,16 @@
 """The summary picture of accuracy against cost: what a tenth of the default's error costs, for each parameter."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from workflows import shear_gouge
+from workflows.accuracy.curves import Curve
 from workflows.accuracy.gouge import LAYER
 from workflows.plots.work_precision import COLOURS, LABELS, named
 
@@ -37,7 +42,7 @@ class Bar:
     note: str = ""
 
 
-def default_of(found, curve):
+def default_of(found: dict[Any, Any], curve: Curve) -> tuple[float, float] | None:
     """(error, relative cost) of the default settings for a curve, None if they were not measured."""
     if curve.quantity == "friction":
         judge, value = curve, getattr(shear_gouge.Params.model_validate(LAYER), curve.parameter.split(", ")[0])
@@ -53,7 +58,7 @@ def default_of(found, curve):
     return float(judge.error[at]), float(judge.relative[at])
 
 
-def bar_of(found, curve):
+def bar_of(found: dict[Any, Any], curve: Curve) -> Bar | None:
     """The Bar of a curve, None if it has no default to be judged by or was not measured well enough to have one."""
     judged = curve.quantity in QUANTITIES and not curve.parameter.startswith(NO_AXIS)
     known = default_of(found, curve) if judged else None
@@ -72,13 +77,13 @@ def bar_of(found, curve):
     return Bar(curve.quantity, name, begin, end, default)
 
 
-def bars_of(found):
+def bars_of(found: dict[Any, Any]) -> list[Bar]:
     """All bars, by quantity and within it by the time that a tenth of the error takes."""
     bars = [bar for bar in (bar_of(found, curve) for curve in found.values()) if bar]
     return sorted(bars, key=lambda b: (QUANTITIES.index(b.quantity), b.note == UNRESOLVED, b.note == NEVER, b.end))
 
 
-def text_of(bar):
+def text_of(bar: Bar) -> str:
     """What is written beside a bar."""
     if bar.note:
         return bar.note
@@ -88,7 +93,7 @@ def text_of(bar):
     return f"{end} times" if bar.default else f"{begin} to {end} times"
 
 
-def plot_summary(path, found):
+def plot_summary(path: Path, found: dict[Any, Any]) -> None:
     """Draw tenfold.png: from the time for the default's error to that for a tenth of it, parameter by parameter."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -1,6 +1,10 @@
 """Work-precision diagrams: error against time, a line for each choice."""
 
+from __future__ import annotations
+
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +40,7 @@ STEEPEST = 10.0  # power of the time that is written; beyond, the time hardly ch
 LEGEND_ROW = 0.042  # of the height of a panel
 
 
-def named(parameter):
+def named(parameter: str) -> str:
     """A parameter in words."""
     first, _, rest = parameter.partition(", ")
     words = WORDS.get(first) or first.replace("_", " ")
@@ -44,7 +48,7 @@ def named(parameter):
     return name + (f", {SHAPES.get(rest, rest)}" if rest else "")
 
 
-def plot_work_precision(path, found):
+def plot_work_precision(path: Path, found: dict[Any, Any]) -> None:
     """Draw the curves {(parameter, quantity): Curve}: error against cost, the slope written on each line."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
