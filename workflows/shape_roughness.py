@@ -25,6 +25,7 @@ from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_table import Rows, write_runs
+from workflows.plots.roughness import plot_roughness
 
 if TYPE_CHECKING:
     import shapely
@@ -240,44 +241,18 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
         text={"kind": "patches or clump"},
     )
     metrics = analyse(rows)
-    plot(out / "roughness.png", rows, params)
+    plot_roughness(out / "roughness.png", rows, *example_outlines(params))
     metrics["seconds"] = Metric(time.perf_counter() - began, "s")
     write_summary(out, "shape-roughness", params.preset_name, metrics, quiet=progress is None)
     return table
 
 
-def plot(path: Path, rows: Rows, params: Params) -> None:
-    """Draw roughness.png: an outline of each kind, error, friction and cost against the number of elements."""
+def example_outlines(params: Params) -> tuple[NDArray, NDArray]:
+    """Outlines (k, 2) of one polygon stood for by 30 discs and by 30 patches, in equivalent diameters."""
     import shapely
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as Canvas
 
-    figure = Canvas(figsize=(14, 3.8), layout="constrained")
-    FigureCanvasAgg(figure)
-    drawn, error, friction, cost = figure.subplots(1, 4)
-    vertices, body = polygons(params)[0]
-    exact = patch_shape(vertices, 120, params.corner_radius)
-    clump = lsm.equal_clump(exact, 30)
+    vertices, _ = polygons(params)[0]
+    clump = lsm.equal_clump(patch_shape(vertices, 120, params.corner_radius), 30)
     discs = shapely.union_all(shapely.buffer(shapely.points(clump.centre), clump.radius, quad_segs=64))
     chain = patch_shape(vertices, 30, params.corner_radius).outline(2000)
-    drawn.plot(*shapely.get_coordinates(shapely.get_exterior_ring(discs)).T, color="#d55e00", lw=1.2, label="30 discs")
-    drawn.plot(*chain.T, color="#0072b2", lw=1.2, label="30 patches")
-    drawn.set(aspect="equal", xticks=[], yticks=[], title="One outline")
-    drawn.legend(fontsize=8, loc="center")
-    for kind, colour in (("patches", "#0072b2"), ("clump", "#d55e00")):
-        mine = [r for r in rows if r["kind"] == kind]
-        x = [r["elements"] for r in mine]
-        error.loglog(x, [r["shape_error"] for r in mine], "o-", color=colour, label=kind)
-        mean, se = ([r[n] for r in mine] for n in ("friction_mean", "friction_se"))
-        friction.errorbar(x, mean, se, fmt="o-", color=colour, capsize=3, label=kind)
-        cost.plot(x, [1e9 * r["cost"] for r in mine], "o-", color=colour, label=kind)
-    error.set(title="Shape error", ylabel="greatest distance / diameter [1]")
-    friction.set(title="Friction of the layer", ylabel="friction [1]")
-    cost.set(title="Cost", ylabel="time per grain and step [ns]")
-    for axes in (error, friction, cost):
-        axes.set(xlabel="patches or discs per grain [1]", xscale="log", xlim=(0.8 * COUNTS[0], 1.25 * COUNTS[-1]))
-        axes.set_xticks(COUNTS, [str(n) for n in COUNTS])
-        axes.minorticks_off()
-        axes.grid(True, alpha=0.25)
-        axes.legend(fontsize=8)
-    figure.savefig(path, dpi=130)
+    return shapely.get_coordinates(shapely.get_exterior_ring(discs)), chain

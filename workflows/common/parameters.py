@@ -110,6 +110,8 @@ def merge(
 ) -> OfOneWorkflow:
     """Parameters from a preset, overridden by a TOML file, overridden by options; validated once.
 
+    A value replaces the one below it as a whole.
+
     Parameters
     ----------
     params_class
@@ -125,10 +127,6 @@ def merge(
     ------
     SettingsError
         With every mistake of all three sources.
-
-    Notes
-    -----
-    A value replaces the one below it as a whole.
     """
     fields = params_class.model_fields
     problems: list[str] = []

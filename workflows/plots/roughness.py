@@ -1,0 +1,53 @@
+"""The picture of shape-roughness: outlines, shape error, friction and cost of patches and of clumps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from numpy.typing import NDArray
+
+from workflows.common.run_table import Rows
+
+COLOURS = {"patches": "#0072b2", "clump": "#d55e00"}
+
+
+def plot_roughness(path: Path, rows: Rows, discs: NDArray, chain: NDArray) -> None:
+    """Draw roughness.png: an outline of each kind, error, friction and cost against the number of elements.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    rows
+        Of `shape_roughness.measure`.
+    discs, chain
+        Outlines (k, 2) of one grain as 30 discs and as 30 patches.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(14, 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    drawn, error, friction, cost = figure.subplots(1, 4)
+    drawn.plot(*discs.T, color=COLOURS["clump"], lw=1.2, label="30 discs")
+    drawn.plot(*chain.T, color=COLOURS["patches"], lw=1.2, label="30 patches")
+    drawn.set(aspect="equal", xticks=[], yticks=[], title="One outline")
+    drawn.legend(fontsize=8, loc="center")
+    for kind, colour in COLOURS.items():
+        own = [r for r in rows if r["kind"] == kind]
+        x = [r["elements"] for r in own]
+        error.loglog(x, [r["shape_error"] for r in own], "o-", color=colour, label=kind)
+        mean, se = ([r[n] for r in own] for n in ("friction_mean", "friction_se"))
+        friction.errorbar(x, mean, se, fmt="o-", color=colour, capsize=3, label=kind)
+        cost.plot(x, [1e9 * r["cost"] for r in own], "o-", color=colour, label=kind)
+    error.set(title="Shape error", ylabel="greatest distance / diameter [1]")
+    friction.set(title="Friction of the layer", ylabel="friction [1]")
+    cost.set(title="Cost", ylabel="time per grain and step [ns]")
+    counts = sorted({r["elements"] for r in rows})
+    for axes in (error, friction, cost):
+        axes.set(xlabel="patches or discs per grain [1]", xscale="log", xlim=(0.8 * counts[0], 1.25 * counts[-1]))
+        axes.set_xticks(counts, [str(n) for n in counts])
+        axes.minorticks_off()
+        axes.grid(True, alpha=0.25)
+        axes.legend(fontsize=8)
+    figure.savefig(path, dpi=130)
