@@ -27,7 +27,7 @@ def leapfrog(law, per_contact, offsets):
     """(rms error of the energy, rms error of the distance) of pairs that Verlet's difference equation carries.
 
     The overlap x, in units of the approach in one step, obeys x[j+1] - 2 x[j] + x[j-1] = -a(x[j]) where x > 0;
-    a(x) = (pi/n)^2 x for springs, and 5/4 (x/D)^1.5/D after Hertz, whose impacts are D = n/2.9432 deep and last n steps.
+    a(x) = (pi/n)^2 x for springs, and 5/4 (x/D)^1.5/D after Hertz, whose impacts of n steps are D = n/2.9432 deep.
     Touch lies 3 + offset steps after the start.
     """
     depth = per_contact / collisions.HERTZ_TIME

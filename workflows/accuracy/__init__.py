@@ -21,10 +21,22 @@ import taichi_lsm as lsm
 class Trial:
     """One measurement of one setting of a parameter.
 
-    parameter, setting: names; value: the setting as a number on an axis; quantity: what the error is of; replica:
-    which of several measurements; error [in the unit of the quantity]: absolute deviation from the reference, or a
-    standard error; cost [s]: time of one core for a second of the physical time of one grain, or for a unit of strain
-    of a layer; relative [1]: that over the cost of our own discs at the default settings.
+    Attributes
+    ----------
+    parameter, setting
+        Names.
+    value
+        The setting as a number on an axis.
+    quantity
+        What the error is of.
+    replica
+        Which of several measurements.
+    error
+        Absolute deviation from the reference, or a standard error, in the unit of the quantity.
+    cost
+        Time of one core for a second of the physical time of one grain, or for a unit of strain of a layer [s].
+    relative
+        That over the cost of our own discs at the default settings [1].
     """
 
     parameter: str

@@ -19,6 +19,8 @@ PLAIN_EVERY_S = 10.0
 class ProgressLine:
     """Shows progress reports; call it with a dict or dataclass, and `close` it at the end.
 
+    Notes
+    -----
     A report has any of: strain [1], strain_total [1], friction [1], normal_stress [Pa], energy_residual [1],
     steps_per_second_grain [grain steps per second], eta [s], and, for one of several runs, label and state
     (texts; a report with a state is always shown). Missing and NaN values are left out of the line.

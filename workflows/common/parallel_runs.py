@@ -42,7 +42,7 @@ Job = tuple[str, str, Any, str | os.PathLike]
 
 
 class ReplicaError(SimulationError):
-    """Some of the runs failed. failures: label -> traceback text, or how the process ended."""
+    """Some of the runs failed; `failures` maps a label to the reason, or to how the process ended."""
 
     def __init__(self, failures: dict[str, str]) -> None:
         texts = (f"run {label} failed:\n{text.rstrip()}" for label, text in failures.items())
@@ -67,12 +67,28 @@ class _Running:
 def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | None = None) -> list[Path]:
     """Run every job, `at_a_time` of them at once; returns the folders of the runs, in the order of the jobs.
 
-    jobs: (label, module_name, params, out_dir); the process calls module.run(params, out=..., progress=...).
-    progress: receives each child's reports as a dict, with its label and, at the start and end, its state
-    (started | done | failed); None is silent, and so are the children.
-    A failing run does not stop the others. Raises ReplicaError when all have ended; Interrupted after the
-    signal was passed on and the children have flushed their files and ended; InputError if all that failed was
-    refused as bad input; ValueError for equal labels.
+    A failing run does not stop the others.
+
+    Parameters
+    ----------
+    jobs
+        (label, module_name, params, out_dir) each; the process calls module.run(params, out=..., progress=...).
+    at_a_time
+        Number of processes at once.
+    progress
+        Receives each child's reports as a dict, with its label and, at the start and end, its state
+        (started | done | failed); None is silent, and so are the children.
+
+    Raises
+    ------
+    ReplicaError
+        When all have ended, if a run failed.
+    InputError
+        Likewise, if all that failed was refused as bad input.
+    Interrupted
+        After the signal was handed on and the children have flushed their files and ended.
+    ValueError
+        For equal labels.
     """
     labels = [job[0] for job in jobs]
     if len(set(labels)) < len(labels) or at_a_time < 1:
@@ -174,7 +190,7 @@ def _drain(run: _Running, show: Callable[[dict], None]) -> None:
 
 
 def _stop(running: list[_Running], signum: int) -> None:
-    """Pass the signal on, and any further one, and wait until every child has flushed and ended."""
+    """Hand the signal on, and any further one, and wait until every child has flushed and ended."""
     while running:
         try:
             for run in running:

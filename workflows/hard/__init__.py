@@ -22,8 +22,16 @@ HERE = Path(__file__).parent
 class Case:
     """One hard case: `run(bench)` returns a value that must not exceed the bound.
 
-    measure: what the value is, in words; unit: of it, "1" for a pure number; f32_bound: bound in single precision,
-    None for the same; excepted: why the case is not claimed in single precision, "" if it is.
+    Attributes
+    ----------
+    name, title, why
+        Of the case; what it is; what makes it hard.
+    measure, unit
+        What the value is, in words, and its unit, "1" for a pure number.
+    bound, f32_bound
+        Greatest value allowed, in double and in single precision; None for the same.
+    excepted
+        Why the case is not claimed in single precision, "" if it is.
     """
 
     name: str
@@ -67,7 +75,14 @@ def cases_of(module: str) -> list[Case]:
 class Bench:
     """Runs scenes for the cases of one process: scenes of an equal KernelSpec share one compiled simulation.
 
-    precision: f64 or f32; short: fewer steps; off: names of guards that are switched off in all scenes.
+    Parameters
+    ----------
+    precision
+        f64 or f32.
+    short
+        Whether runs have fewer steps.
+    off
+        Names of guards that are switched off in all scenes.
     """
 
     def __init__(self, precision: str = "f64", short: bool = True, off: Sequence[str] = ()) -> None:
