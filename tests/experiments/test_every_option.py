@@ -49,6 +49,8 @@ TABLES = (
     [{"name": "hertz", "youngs_modulus": 1e9, "poissons_ratio": 0.3}],
     [{"name": "linear_elastic", "stiffness": "stiff"}],
     [{"name": "linear_elastic", "stiffness": -1.0}],
+    [{"name": "linear_elastic", "stiffness": math.inf}],
+    [{"name": "linear_elastic", "stiffness": math.nan}],
     [{"name": "linear_elastic"}],
     [{"name": ["linear_elastic"]}],
     [{"name": "linear_elastc", "stiffness": 1e6}],

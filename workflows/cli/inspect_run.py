@@ -78,7 +78,7 @@ def print_info(folder: Path) -> int:
         print()
         try:
             print_summary(json.loads((folder / FILE).read_text(encoding="utf-8")))
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, AttributeError):
             print(f"{FILE}: unreadable")
     print("\nFiles:")
     width = max(len(str(p.relative_to(folder))) for p in files)

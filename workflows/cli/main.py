@@ -244,7 +244,10 @@ def execute(
     if problems:
         return _complain(problems)
     made = [p for p in (folder, *folder.parents) if not p.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return _complain([f"--out {folder}: cannot be made: {error.strerror}."])
     with ProgressLine(quiet) as progress:
         try:
             module.run(params, out=folder, progress=None if quiet else progress)
@@ -275,6 +278,13 @@ def _failure_of(error: Exception) -> str:
 
 def refusals(folder: Path, overwrite: bool) -> list[str]:
     """Why the folder cannot be written to; [] if it can."""
+    try:
+        return _refusals(folder, overwrite)
+    except OSError as error:  # such as a name that is too long
+        return [f"--out {folder}: cannot be used: {error.strerror}."]
+
+
+def _refusals(folder: Path, overwrite: bool) -> list[str]:
     if folder.is_dir():
         if not os.access(folder, os.W_OK | os.X_OK):
             return [f"--out {folder}: may not be written to."]

@@ -128,6 +128,19 @@ def test_a_folder_that_is_not_empty_needs_overwrite(plugins, tmp_path, capsys):
     assert (tmp_path / "full/notes").read_text() == "mine"
 
 
+def test_a_folder_whose_name_is_too_long_is_refused(plugins, capsys):
+    assert main(["toy-run", "--out", "x" * 300]) == 2
+    error = capsys.readouterr().err
+    assert "too long" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"workflow": "a", "preset": null, "metrics": []}', "\xff"])
+def test_a_summary_that_is_none_is_called_unreadable(tmp_path, capsys, text):
+    (tmp_path / "summary.json").write_text(text, encoding="latin-1")
+    assert main(["info", str(tmp_path)]) == 0
+    assert "summary.json: unreadable" in capsys.readouterr().out
+
+
 def test_a_folder_below_a_file_is_refused(plugins, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["toy-run", "--out", "file/below"]) == 2
