@@ -96,18 +96,26 @@ def limits(metadata: list) -> str:
                 bound[name] = getattr(rule, name)
     words = []
     if "ge" in bound and "le" in bound:
-        words.append(f"from {bound.pop('ge'):g} to {bound.pop('le'):g}")
+        words.append(f"from {_digits(bound.pop('ge'))} to {_digits(bound.pop('le'))}")
     phrases = {
-        "ge": "at least {:g}",
-        "gt": "greater than {:g}",
-        "le": "at most {:g}",
-        "lt": "less than {:g}",
-        "multiple_of": "a multiple of {:g}",
+        "ge": "at least {}",
+        "gt": "greater than {}",
+        "le": "at most {}",
+        "lt": "less than {}",
+        "multiple_of": "a multiple of {}",
         "min_length": "of at least {} items",
         "max_length": "of at most {} items",
     }
-    words += [phrase.format(bound[name]) for name, phrase in phrases.items() if name in bound]
+    if bound.get("min_length") == 1:
+        del bound["min_length"]
+        words.append("not empty")
+    words += [phrase.format(_digits(bound[name])) for name, phrase in phrases.items() if name in bound]
     return " and ".join(words)
+
+
+def _digits(bound: float) -> str:
+    """A bound as text: an integer with all its digits, as users compare theirs with it."""
+    return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
 def _noun(annotation: Any, plural: bool = False) -> str:

@@ -255,5 +255,5 @@ def _shown(value: Any) -> str:
     if isinstance(value, str):
         return value if value and value.strip() == value else repr(value)
     if isinstance(value, list | tuple):
-        return reprlib.repr(value) if not all(isinstance(v, str) for v in value) else ",".join(value)
+        return ",".join(value) if value and all(isinstance(v, str) for v in value) else reprlib.repr(value)
     return reprlib.repr(value)

@@ -64,6 +64,16 @@ def test_every_mistake_of_every_source_is_one_message(toy, tmp_path):
     assert sorted(found) == sorted(expected)
 
 
+def test_bounds_keep_the_digits_of_integers_and_lists_may_have_to_hold_something():
+    class Listed(Params):
+        counts: list[int] = Field([1], min_length=1, description="counts [1]")
+
+    assert problems(Listed, options={"seed": "-1", "counts": ""}) == [
+        "--seed -1: must be an integer, from 0 to 2147483647.",
+        "--counts []: must be a list of integers, not empty.",
+    ]
+
+
 def test_a_rule_between_fields_is_told_in_its_own_words(toy):
     found = problems(toy.Params, options={"dim": "3", "shape": "angular", "grains": "13"})
     assert found == ["13 angular grains do not fit in 3D."]
