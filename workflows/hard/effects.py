@@ -239,7 +239,7 @@ def rolling_to_rest(bench: Bench) -> float:
     for _ in range(bench.steps(20_000, 400)):
         sim.run(3)
         worst = max(worst, float(np.abs(sim.state.angular_velocity.to_numpy()).max()))
-    return worst / rocking_spin()
+    return worst / rocking_velocity()
 
 
 @hard("Cohesive pair at the edge of escape", "error of the energy over the depth of the well", 5e-4)
@@ -277,7 +277,7 @@ def rolling() -> lsm.Scene:
     )
 
 
-def rocking_spin() -> float:
+def rocking_velocity() -> float:
     """Greatest angular velocity [rad s-1] that rolling resistance and friction leave to a disc.
 
     It is what their springs hold at their limits: the amplitudes of rocking without slip and of the slip that the
