@@ -80,7 +80,7 @@ def errors_of_pairs(
 def loaded(sims: dict[Any, lsm.Simulation], key: tuple[str, str], scene: lsm.Scene) -> lsm.Simulation:
     """The simulation of this key at the start of the scene; compiled once."""
     if key in sims:
-        sims[key].load(scene)
+        sims[key].reset(scene)
     else:
         sims[key] = lsm.Simulation(scene)
     return sims[key]
