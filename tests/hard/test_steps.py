@@ -13,7 +13,7 @@ GUARDS = {  # and the case that shows what each is for
     "step": "step_above_critical",
     "displacement": "crossing_in_one_step",
     "energy": "lost_balance",
-    "overlap": "deeper_than_the_cap",
+    "overlap": "deeper_than_the_limit",
     "wall": "through_a_wall",
     "finite": "not_a_number",
 }
