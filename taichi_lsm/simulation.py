@@ -3,9 +3,12 @@
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from . import describe
 from .bonds.bond_network import Bonds, FreedContacts
 from .bonds.bond_setup import bond_effect
 from .boundaries.periodic_cell import Domain
@@ -22,7 +25,10 @@ from .contact.surface_kinds import surface_table
 from .core.errors import InputError, SimulationError
 from .core.runtime import allocating, start, when_allocated
 from .io.checkpoint import save_checkpoint
+from .io.contacts_dataset import contacts_dataset
+from .measure.contacts import ContactTable
 from .measure.sums import Measure
+from .measure.velocities import SynchronisedVelocities
 from .stepping.contact_forces import ContactForces
 from .stepping.grain_state import Grains, StateView
 from .stepping.kernel_spec import KernelSpec
@@ -30,6 +36,9 @@ from .stepping.monitor import Monitor
 from .stepping.step_loop_cpu import StepLoopCPU
 from .stepping.step_loop_gpu import StepLoopGPU
 from .stepping.step_stages import StepStages
+
+if TYPE_CHECKING:
+    import xarray
 
 PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
@@ -109,6 +118,8 @@ class Simulation:
         on_gpu = self.runtime.arch != "cpu"
         self.step_loop = StepLoopGPU(self.stages) if on_gpu else StepLoopCPU(self.stages, self.threads)
         self.measure = Measure(self.forces, self.integrator)
+        self.contact_table = ContactTable(self.forces)
+        self._velocities = SynchronisedVelocities(self.integrator)
         self.monitor = Monitor(self, self.monitor)
 
     def _start(self):
@@ -222,6 +233,59 @@ class Simulation:
 
     def __len__(self):
         return len(self.grains)
+
+    def __repr__(self) -> str:
+        return describe.simulation_line(self)
+
+    def __str__(self) -> str:
+        return describe.as_text(describe.simulation_tree(self))
+
+    def _repr_html_(self) -> str:
+        return describe.as_html(describe.simulation_tree(self))
+
+    @property
+    def positions(self) -> NDArray:
+        """Centres of mass (n, dim) [m] by persistent id, world frame; never wrapped into a periodic cell."""
+        return self.grains.column("position")
+
+    @property
+    def velocities(self) -> NDArray:
+        """Velocities (n, dim) [m s-1] by persistent id, world frame, at the time of the positions.
+
+        In a sheared cell the mean flow is included. The first call compiles a small kernel; the run is not changed.
+        """
+        return self._velocities.values()
+
+    def contacts(self) -> "xarray.Dataset":
+        """All contacts at this instant, one row each; the first call compiles a small kernel.
+
+        Each pair of grains appears once, under the lower of its two ids; a pair of grains of several convex parts once
+        for each pair of parts that touch. The state of the run is not changed.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions contact, sorted by first_id, second_id and parts, and space (x, y, z). Variables, each with
+            units and long_name:
+
+            first_id, second_id : persistent ids of the grains; second_id is -1 - w at wall w of `Scene.walls`.
+            first_part, second_part : convex parts in contact, 0 for grains of one part.
+            point : middle of the overlap [m]; in a periodic cell beside the position of the first grain.
+            normal : unit vector from the first grain to the second, or into the wall.
+            branch : vector from the first centre to the nearest image of the second [m]; at a wall, to the contact.
+            overlap : depth along the normal [m]; negative for a force across a gap, not a number for a bond.
+            normal_force : [N], positive in compression.
+            tangential_force : on the second grain [N].
+            sliding : True where friction is at its limit.
+            bonded : True for an intact bond, which acts in place of a contact; its normal lies along the branch.
+
+        Notes
+        -----
+        The force on the second grain is normal_force * normal + tangential_force. Impulses with which OnsetVerlet
+        corrects the begin and end of contacts are not part of it. The mean stress of the contacts in a volume V,
+        compression positive, is the sum of force (x) branch over V.
+        """
+        return contacts_dataset(self)
 
     @contextmanager
     def clock(self, name):

@@ -81,7 +81,7 @@ def test_what_makes_no_sense_is_named_with_its_bound(changes, message):
 def test_three_dimensions_take_unit_quaternions():
     with pytest.raises(lsm.InputError, match="must be unit quaternions"):
         two(position=np.zeros((1, 3)), orientation=[(1.0, 1.0, 0.0, 0.0)])
-    with pytest.raises(lsm.InputError, match="Scene.angle: given in 3D, where `orientation`"):
+    with pytest.raises(lsm.InputError, match=r"Scene.angle: given in 3D, where `orientation`"):
         two(position=np.zeros((1, 3)), angle=[0.0])
 
 
