@@ -130,13 +130,15 @@ _SHORTCUTS = {
 __all__ = sorted(["__version__", *_NAMESPACES, *_HOME, *_SHORTCUTS])
 
 
-def __getattr__(name):
-    if name in _NAMESPACES:
-        return importlib.import_module(f".{_NAMESPACES[name]}", __name__)
-    home = _HOME.get(name) or _SHORTCUTS.get(name)
-    if home is None:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f".{home}", __name__), name)
+if not TYPE_CHECKING:  # else type checkers would take any name for granted
+
+    def __getattr__(name):
+        if name in _NAMESPACES:
+            return importlib.import_module(f".{_NAMESPACES[name]}", __name__)
+        home = _HOME.get(name) or _SHORTCUTS.get(name)
+        if home is None:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(f".{home}", __name__), name)
 
 
 def __dir__():
