@@ -52,8 +52,8 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .measure import statistics as statistics
     from .measure.energy_budget import Energies as Energies
     from .measure.energy_budget import energies as energies
-    from .measure.profiling import profile as profile
-    from .measure.profiling import profile_text as profile_text
+    from .measure.profiling import runtime_profile as runtime_profile
+    from .measure.profiling import runtime_profile_text as runtime_profile_text
     from .measure.shadow_energy import ShadowEnergy as ShadowEnergy
     from .measure.sheared_layer import ShearedLayer as ShearedLayer
     from .measure.statistics import steady_state as steady_state
@@ -102,8 +102,8 @@ _HOME = {
     "rough_platen": "packing",
     "ShearedLayer": "measure.sheared_layer",
     "LayerRecorder": "io.layer_recorder",
-    "profile": "measure.profiling",
-    "profile_text": "measure.profiling",
+    "runtime_profile": "measure.profiling",
+    "runtime_profile_text": "measure.profiling",
     "save_checkpoint": "io.checkpoint",
     "restore_checkpoint": "io.checkpoint",
     "write_table": "io.run_file",

@@ -195,7 +195,7 @@ class Scene:
     def _repr_html_(self) -> str:
         return describe.as_html(describe.scene_tree(self))
 
-    def turns(self) -> NDArray:
+    def orientation_state(self) -> NDArray:
         """Orientations as the state holds them: unit complex numbers (n, 2) or unit quaternions (n, 4)."""
         if self.dim == 2:
             return np.stack([np.cos(self.angle), np.sin(self.angle)], axis=1)
