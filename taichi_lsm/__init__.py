@@ -27,12 +27,12 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from . import effects as effects
     from . import shapes as shapes
     from .bonds.fragments import fragments as fragments
-    from .boundaries.plane_walls import PlaneWall as PlaneWall
     from .boundaries.platen_drives import ConstantVelocity as ConstantVelocity
     from .boundaries.platen_drives import Fixed as Fixed
     from .boundaries.platen_drives import ServoStress as ServoStress
     from .boundaries.platen_drives import SpringLoadPoint as SpringLoadPoint
     from .boundaries.platens import Platen as Platen
+    from .boundaries.wall_setup import PlaneWall as PlaneWall
     from .core.data_files import data_path as data_path
     from .core.data_files import published_friction as published_friction
     from .core.errors import InputError as InputError
@@ -93,7 +93,7 @@ _HOME = {
     "Fixed": "boundaries.platen_drives",
     "ConstantVelocity": "boundaries.platen_drives",
     "ServoStress": "boundaries.platen_drives",
-    "PlaneWall": "boundaries.plane_walls",
+    "PlaneWall": "boundaries.wall_setup",
     "SpringLoadPoint": "boundaries.platen_drives",
     "fragments": "bonds.fragments",
     "grain_diameters": "packing",

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from . import describe
 from .bonds.bond_setup import bond_rate
-from .boundaries.plane_walls import PlaneWall
 from .boundaries.platens import Platen
+from .boundaries.wall_setup import PlaneWall
 from .core.errors import InputError
 from .core.fields import rotation_size
 from .effects.base import Bodies, Effect

@@ -8,7 +8,7 @@ import numpy as np
 
 from .bonds.bond_setup import checked_bonds
 from .boundaries.periodic_cell import check_box, check_shear
-from .boundaries.plane_walls import check_walls
+from .boundaries.wall_setup import check_walls
 from .contact.surface_kinds import CURVED, kind_of
 from .core.errors import InputError
 from .core.fields import orientation_size, rotation_size
