@@ -132,11 +132,11 @@ def test_mean_stress_of_the_contacts_is_that_of_the_measure(reference_packing):
 def test_the_table_leaves_the_run_as_it_is(reference_packing):
     sim = reference_packing("frictional_arcs")
     ends = []
-    for looks in (False, True):
+    for reads in (False, True):
         sim.reset(sim.scene)
         for _ in range(60):
             sim.run(5)
-            if looks:
+            if reads:
                 assert sim.contacts().sizes["contact"] > 0 and sim.velocities.shape == sim.positions.shape
         ends.append(
             [getattr(sim.state, name).to_numpy() for name in ("position", "orientation", "force", "dissipated")]

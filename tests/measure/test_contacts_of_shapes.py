@@ -23,11 +23,11 @@ def test_reading_the_contacts_of_polyhedra_leaves_the_run_as_it_is(runtime):
         skin=0.05,
     )
     sim, ends, rows = scenes.simulate(scene), [], 0
-    for looks in (False, True):
+    for reads in (False, True):
         sim.reset(scene)
         for _ in range(60):
             sim.run(10)
-            if looks:
+            if reads:
                 rows += sim.contacts().sizes["contact"]
         ends.append([getattr(sim.state, name).to_numpy() for name in ("position", "orientation", "force", "torque")])
     assert rows > 50
