@@ -1,12 +1,81 @@
 """Lattice Solid Model of granular matter with real grain shapes, after Abe & Mora (2003).
 
-Public names are imported when first used: Taichi is loaded only when something is simulated.
+    import taichi_lsm as lsm
+
+Every public name has one home: a namespace, or this module for what belongs to none.
+
+lsm.shapes
+    Grain shapes and the ways to make them: discs, spheres, polygons, polyhedra, meshes, Voronoi packings.
+lsm.effects
+    What acts on the grains: contact laws, friction, body forces, damping, bonds.
+lsm.statistics
+    Means with standard errors of the time series of a run.
+lsm
+    Scene and Simulation; integrators; platens, their drives and plane walls; start packings; energies and other
+    measures; files; errors.
+
+The ten names that most scripts need are all at the top: Scene, Simulation, open_run, and from the namespaces disc,
+sphere, LinearElastic, ViscousDamping, CoulombFriction, Gravity and steady_state.
+
+Names are imported when they are first used: Taichi is loaded only when something is simulated.
 """
 
 import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
+    from . import effects as effects
+    from . import shapes as shapes
+    from .bonds.fragments import fragments as fragments
+    from .boundaries.platen_drives import ConstantVelocity as ConstantVelocity
+    from .boundaries.platen_drives import Fixed as Fixed
+    from .boundaries.platen_drives import ServoStress as ServoStress
+    from .boundaries.platen_drives import SpringLoadPoint as SpringLoadPoint
+    from .boundaries.platens import Platen as Platen
+    from .boundaries.wall_setup import PlaneWall as PlaneWall
+    from .core.data_files import data_path as data_path
+    from .core.data_files import published_friction as published_friction
+    from .core.errors import InputError as InputError
+    from .core.errors import SimulationError as SimulationError
+    from .core.schema import Variable as Variable
+    from .effects.coulomb_friction import CoulombFriction as CoulombFriction
+    from .effects.gravity import Gravity as Gravity
+    from .effects.linear_elastic import LinearElastic as LinearElastic
+    from .effects.viscous_damping import ViscousDamping as ViscousDamping
+    from .io.checkpoint import restore_checkpoint as restore_checkpoint
+    from .io.checkpoint import save_checkpoint as save_checkpoint
+    from .io.layer_recorder import LayerRecorder as LayerRecorder
+    from .io.open_run import open_run as open_run
+    from .io.run_file import file_attributes as file_attributes
+    from .io.run_file import write_energies as write_energies
+    from .io.run_file import write_table as write_table
+    from .measure import statistics as statistics
+    from .measure.energy_budget import Energies as Energies
+    from .measure.energy_budget import energies as energies
+    from .measure.profiling import runtime_profile as runtime_profile
+    from .measure.profiling import runtime_profile_text as runtime_profile_text
+    from .measure.shadow_energy import ShadowEnergy as ShadowEnergy
+    from .measure.sheared_layer import ShearedLayer as ShearedLayer
+    from .measure.statistics import steady_state as steady_state
+    from .packing import grain_diameters as grain_diameters
+    from .packing import loose_packing as loose_packing
+    from .packing import random_rotations as random_rotations
+    from .packing import rough_platen as rough_platen
+    from .scene import Scene as Scene
+    from .shapes import disc as disc
+    from .shapes import sphere as sphere
+    from .simulation import Simulation as Simulation
+    from .stepping.euler import ExplicitEuler as ExplicitEuler
+    from .stepping.euler import SymplecticEuler as SymplecticEuler
+    from .stepping.forest_ruth import ForestRuth as ForestRuth
+    from .stepping.guards import Guards as Guards
+    from .stepping.kernel_spec import KernelSpec as KernelSpec
+    from .stepping.verlet import OnsetVerlet as OnsetVerlet
+    from .stepping.verlet import VelocityVerlet as VelocityVerlet
 
 __version__ = "0.1.0"
 
+_NAMESPACES = {"effects": "effects", "shapes": "shapes", "statistics": "measure.statistics"}
 _HOME = {
     "Scene": "scene",
     "Simulation": "simulation",
@@ -26,80 +95,20 @@ _HOME = {
     "ServoStress": "boundaries.platen_drives",
     "PlaneWall": "boundaries.wall_setup",
     "SpringLoadPoint": "boundaries.platen_drives",
-    "LinearElastic": "effects.linear_elastic",
-    "Hertz": "effects.hertz",
-    "CoulombFriction": "effects.coulomb_friction",
-    "VelocityWeakeningFriction": "effects.velocity_weakening_friction",
-    "RateAndStateFriction": "effects.rate_and_state_friction",
-    "Mindlin": "effects.mindlin",
-    "ViscousDamping": "effects.viscous_damping",
-    "Gravity": "effects.gravity",
-    "RollingResistance": "effects.rolling_resistance",
-    "Cohesion": "effects.cohesion",
-    "GlobalDamping": "effects.global_damping",
-    "find_effects": "effects",
-    "make_effects": "effects",
-    "ElasticBrittleBond": "effects.elastic_brittle_bond",
     "fragments": "bonds.fragments",
-    "GrainShape": "shapes",
-    "ArcChain": "shapes",
-    "disc": "shapes",
-    "sphere": "shapes",
-    "arc_chain": "shapes",
-    "from_polygon": "shapes",
-    "regular_disc_of_arcs": "shapes",
-    "random_angular_shapes": "shapes",
-    "voronoi_packing": "shapes",
-    "angular_aggregate": "shapes",
-    "PatchGrain": "shapes",
-    "Union": "shapes",
-    "from_chain": "shapes",
-    "clump": "shapes",
-    "from_patches": "shapes",
-    "equal_clump": "shapes",
-    "outline_error": "shapes",
-    "union": "shapes",
-    "from_mesh": "shapes",
-    "from_outline": "shapes",
-    "outline_of_image": "shapes",
-    "ellipse": "shapes",
-    "superellipse": "shapes",
-    "regular_polygon": "shapes",
-    "load_shapes": "shapes",
-    "save_shapes": "shapes",
-    "rescaled": "shapes",
-    "place_part": "shapes",
-    "crossed_bars": "shapes",
-    "laguerre_packing": "shapes",
-    "BallPolyhedron": "shapes",
-    "ball_polyhedron": "shapes",
-    "tangent_ball_polyhedron": "shapes",
-    "ball_of_faces": "shapes",
-    "from_planes": "shapes",
-    "ellipsoid": "shapes",
-    "superellipsoid": "shapes",
-    "regular_polyhedron": "shapes",
-    "random_angular_polyhedra": "shapes",
-    "random_polygons": "shapes",
-    "random_polyhedra": "shapes",
-    "laguerre_tiles": "shapes",
     "grain_diameters": "packing",
     "loose_packing": "packing",
     "random_rotations": "packing",
     "rough_platen": "packing",
     "ShearedLayer": "measure.sheared_layer",
     "LayerRecorder": "io.layer_recorder",
-    "profile": "measure.profiling",
-    "profile_text": "measure.profiling",
+    "runtime_profile": "measure.profiling",
+    "runtime_profile_text": "measure.profiling",
     "save_checkpoint": "io.checkpoint",
     "restore_checkpoint": "io.checkpoint",
     "write_table": "io.run_file",
     "file_attributes": "io.run_file",
     "write_energies": "io.run_file",
-    "steady_state": "measure.statistics",
-    "steady_ratio": "measure.statistics",
-    "combine_replicas": "measure.statistics",
-    "difference": "measure.statistics",
     "open_run": "io.open_run",
     "published_friction": "core.data_files",
     "data_path": "core.data_files",
@@ -107,15 +116,30 @@ _HOME = {
     "SimulationError": "core.errors",
     "Variable": "core.schema",
 }
+# The most used names of the namespaces, here as well.
+_SHORTCUTS = {
+    "CoulombFriction": "effects.coulomb_friction",
+    "Gravity": "effects.gravity",
+    "LinearElastic": "effects.linear_elastic",
+    "ViscousDamping": "effects.viscous_damping",
+    "disc": "shapes",
+    "sphere": "shapes",
+    "steady_state": "measure.statistics",
+}
 
-__all__ = ["__version__", *_HOME]
+__all__ = sorted(["__version__", *_NAMESPACES, *_HOME, *_SHORTCUTS])
 
 
-def __getattr__(name):
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+if not TYPE_CHECKING:  # else type checkers would take any name for granted
+
+    def __getattr__(name):
+        if name in _NAMESPACES:
+            return importlib.import_module(f".{_NAMESPACES[name]}", __name__)
+        home = _HOME.get(name) or _SHORTCUTS.get(name)
+        if home is None:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(f".{home}", __name__), name)
 
 
 def __dir__():
-    return sorted(__all__)
+    return __all__

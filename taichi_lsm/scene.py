@@ -1,176 +1,208 @@
 """A scene: everything that defines a run, as plain data, checked before anything is compiled."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .bonds.bond_setup import bond_rate, checked_bonds
-from .boundaries.periodic_cell import check_box, check_shear
-from .boundaries.wall_setup import check_walls
-from .contact.surface_kinds import CURVED, kind_of
+from . import describe
+from .bonds.bond_setup import bond_rate
+from .boundaries.platens import Platen
+from .boundaries.wall_setup import PlaneWall
 from .core.errors import InputError
-from .core.fields import orientation_size, rotation_size
-from .effects import Bodies, Effect
+from .core.fields import rotation_size
+from .effects.base import Bodies, Effect
+from .scene_checks import check_orientation, check_scene
+from .shapes import GrainShape, disc, sphere
 from .stepping.guards import Guards
-from .stepping.verlet import OnsetVerlet
+from .stepping.verlet import OnsetVerlet, VelocityVerlet
 
 COORDINATION = {2: 6.0, 3: 10.0}  # contacts that a grain may have at once, for the stable step
-DEEP = 0.1  # of a grain's radius: depth at which laws that stiffen with it bound the step
+STIFFENING_DEPTH = 0.1  # of a grain's radius: depth at which force laws that stiffen with it bound the step
 SKIN = 0.07  # default margin of the neighbour list, in mean diameters
 
+# Defaults of fields that `__post_init__` completes. They are typed as Any so that a type checker sees in each field
+# what it holds from then on: an array, never None.
+DERIVED: Any = None
+UNIT: Any = 1.0
 
-@dataclass
+
+@dataclass(kw_only=True, eq=False)
 class Scene:
-    """Everything that defines a run, as plain data in SI units; n grains in `dim` dimensions.
+    """Everything that defines a run of n grains, as plain data in SI units.
 
-    lengths (dim,) [m] and periodic (dim,) of the cell; shapes: GrainShape table; shape_index (n,): row of the table;
-    position (n, dim) [m]; diameter (n,) [m]: equivalent diameter; density [kg m-3]; angle (n,) [rad] (2D);
-    orientation (n, 4): unit quaternions w, x, y, z, body to world (3D);
-    platen_index (n,): index into `platens`, -1 for mobile grains; velocity (n, dim), spin (n, 1 or 3): at the start;
-    walls: PlaneWalls; shear_rate [s-1]: of a sheared cell, whose mean flow (see domain.py) is added to `velocity`;
-    thickness [m]: out-of-plane depth in 2D; area [m2]: of a platen, default from lengths and thickness;
-    skin [m]: margin of the neighbour list; dt [s]: None chooses `safety` times the stable step;
-    bonds (m, 2): ids of grains bonded at the start, without stress; None for none; sorted here, lower id first;
-    integrator: class of the time integration, OnsetVerlet | VelocityVerlet | SymplecticEuler | ExplicitEuler;
-    ledger: book the energy dissipated by each effect; parallel: share the grains among all threads
-    (True) or not (False); default: if there are many; guards: limits beyond which a run is stopped.
+    All parameters are keywords, and each is an attribute of the same name. Arrays may be given as anything that NumPy
+    turns into an array; the attributes are arrays, and defaults that depend on other parameters are filled in.
+
+    Parameters
+    ----------
+    position : (n, dim) array of float
+        Centres of mass at the start [m], world frame. Along periodic axes they need not lie inside the cell.
+    density : float
+        Mass density of all grains [kg m-3].
+    effects : sequence of Effect
+        What acts on the grains: contact laws, body forces, damping, bonds (`taichi_lsm.effects`). Each at most once.
+    dim : {2, 3}
+        Number of dimensions. Default: the number of columns of `position`.
+    lengths : (dim,) sequence of float
+        Lengths of the cell [m]; those along open axes do not matter. Default: infinite.
+    periodic : (dim,) sequence of bool
+        Along which axes the cell repeats. Default: along none.
+    shapes : sequence of GrainShape
+        Table of the shapes that occur, each of equivalent diameter 1 (`taichi_lsm.shapes`). Default: one disc (2D) or
+        one sphere (3D).
+    shape_index : (n,) array of int, or int
+        Row of `shapes` of every grain. Default: 0 for all.
+    diameter : (n,) array of float, or float
+        Equivalent diameter of every grain [m]: the length unit of its shape, in 2D that of the disc of equal area, in
+        3D that of the sphere of equal volume. Default: 1 m for all.
+    angle : (n,) array of float
+        2D only: angle from the body frame to the world frame at the start [rad]. Default: 0.
+    orientation : (n, 4) array of float
+        3D only: unit quaternions (w, x, y, z) from the body frame to the world frame. Default: no rotation.
+    velocity : (n, dim) array of float
+        Velocity at the start [m s-1], world frame; in a sheared cell, relative to the mean flow. Default: 0.
+    angular_velocity : (n, 1) array of float in 2D, (n, 3) in 3D
+        Angular velocity at the start [rad s-1], world frame. Default: 0.
+    platen_index : (n,) array of int
+        Row of `platens` that a grain is glued to, -1 for a mobile grain. Default: all are mobile.
+    platens : sequence of Platen
+        Rigid bodies of glued grains, each with one drive per axis. Default: none.
+    walls : sequence of PlaneWall
+        Rigid half-spaces that bound the grains. Default: none.
+    shear_rate : float
+        Rate of homogeneous shear of the cell [s-1], in which the mean velocity is `shear_rate` times y along x (Lees &
+        Edwards 1972); see `boundaries/periodic_cell.py`. Default: 0, a cell at rest.
+    thickness : float
+        Depth of a 2D scene out of the plane [m], which turns areas into volumes. Default: the mean diameter.
+    area : float
+        Area of a platen over which its stress is taken [m2]. Default: from `lengths` and `thickness`.
+    bonds : (m, 2) array of int
+        Ids of grains that are bonded at the start, without stress; needs an effect of phase "bond". Stored sorted, the
+        lower id first. Default: None, no bonds.
+    skin : float
+        Margin of the neighbour list [m]. A larger one lists more pairs and is renewed less often. Results do not
+        depend on it. Default: 0.07 mean diameters.
+    dt : float
+        Time step [s]. Default: None, `safety` times the stable step of a dense packing of these grains.
+    safety : float
+        Share of the stable step that is taken where `dt` is not given. Default: 0.3.
+    integrator : type
+        Class of the time integration: OnsetVerlet (default), VelocityVerlet, SymplecticEuler, ExplicitEuler or
+        ForestRuth.
+    track_dissipation : bool
+        Whether the energy that each effect dissipates is added up; the energy budget needs it. Default: True.
+    parallel : bool
+        Whether the grains are shared among all threads. Default: None, if there are more than 2000.
+    guards : Guards
+        Limits beyond which a run is stopped. Default: `Guards()`.
+
+    Raises
+    ------
+    InputError
+        If a value makes no sense by itself or together with others. The message names the parameter, its value and
+        what is allowed.
+
+    Examples
+    --------
+    Two discs that fall on a floor:
+
+    >>> import taichi_lsm as lsm
+    >>> scene = lsm.Scene(
+    ...     position=[(0.0, 0.6), (0.2, 1.7)],
+    ...     density=2650.0,
+    ...     effects=[lsm.LinearElastic(1e6), lsm.Gravity((0.0, -9.81))],
+    ...     walls=[lsm.PlaneWall("floor", point=(0.0, 0.0), normal=(0.0, 1.0))],
+    ... )
     """
 
-    dim: int
-    lengths: tuple
-    periodic: tuple
-    shapes: list
-    shape_index: np.ndarray
-    position: np.ndarray
-    diameter: np.ndarray
+    position: NDArray
     density: float
-    effects: list
-    angle: np.ndarray | None = None
-    orientation: np.ndarray | None = None
-    platen_index: np.ndarray | None = None
-    platens: list = field(default_factory=list)
-    walls: list = field(default_factory=list)
+    effects: Sequence[Effect]
+    dim: int = DERIVED
+    lengths: Sequence[float] = DERIVED
+    periodic: Sequence[bool] = DERIVED
+    shapes: Sequence[GrainShape] = DERIVED
+    shape_index: NDArray = DERIVED
+    diameter: NDArray = UNIT
+    angle: NDArray = DERIVED
+    orientation: NDArray = DERIVED
+    velocity: NDArray = DERIVED
+    angular_velocity: NDArray = DERIVED
+    platen_index: NDArray = DERIVED
+    platens: Sequence[Platen] = ()
+    walls: Sequence[PlaneWall] = ()
     shear_rate: float = 0.0
-    velocity: np.ndarray | None = None
-    angular_velocity: np.ndarray | None = None
-    thickness: float | None = None
+    thickness: float = DERIVED
     area: float | None = None
-    skin: float | None = None
+    bonds: NDArray | None = None
+    skin: float = DERIVED
     dt: float | None = None
     safety: float = 0.3
-    integrator: type = OnsetVerlet
+    integrator: type[VelocityVerlet] = OnsetVerlet
     track_dissipation: bool = True
     parallel: bool | None = None
-    bonds: np.ndarray | None = None
-    guards: Guards = Guards()
+    guards: Guards = field(default_factory=Guards)
 
     def __post_init__(self):
-        if self.dim not in (2, 3):
-            raise InputError(f"dim {self.dim!r}: must be 2 or 3")
-        n = len(self.position)
+        self.position = np.asarray(self.position, float)
+        n = len(self.position) if self.position.ndim else 0
         if n == 0:
             raise InputError("Scene.position: no grains, must be at least one")
-        self.position = np.asarray(self.position, float)
-        self.diameter = np.asarray(self.diameter, float)
-        self.shape_index = np.asarray(self.shape_index, np.int32)
-        self.platen_index = (
-            np.full(n, -1, np.int32) if self.platen_index is None else np.asarray(self.platen_index, np.int32)
-        )
-        self._orient(n)
-        self.velocity = np.zeros((n, self.dim)) if self.velocity is None else np.asarray(self.velocity, float)
-        self.angular_velocity = (
-            np.zeros((n, rotation_size(self.dim)))
-            if self.angular_velocity is None
-            else np.asarray(self.angular_velocity, float)
-        )
-        self.thickness = float(np.mean(self.diameter)) if self.thickness is None else self.thickness
-        self._check(n)
+        if self.dim is DERIVED and self.position.ndim == 2:
+            self.dim = self.position.shape[1]
+        if self.dim not in (2, 3):
+            raise InputError(f"Scene.dim: {self.dim!r}, must be 2 or 3")
+        self._complete_cell_and_shapes()
+        self.diameter = _per_grain(self.diameter, n, 1.0, float)
+        self.shape_index = _per_grain(self.shape_index, n, 0, np.int32)
+        self.platen_index = _per_grain(self.platen_index, n, -1, np.int32)
+        self._complete_orientation(n)
+        self.velocity = _array(self.velocity, (n, self.dim))
+        self.angular_velocity = _array(self.angular_velocity, (n, rotation_size(self.dim)))
+        self.thickness = float(np.mean(self.diameter)) if self.thickness is DERIVED else self.thickness
+        self.skin = SKIN * float(np.mean(self.diameter)) if self.skin is DERIVED else self.skin
+        check_scene(self)
 
-    def _orient(self, n):
-        """One description of the orientations: angles in 2D, unit quaternions in 3D."""
-        given, other = ("angle", "orientation") if self.dim == 2 else ("orientation", "angle")
-        if getattr(self, other) is not None:
-            raise InputError(f"Scene.{other}: given in {self.dim}D, where `{given}` says how a grain is turned")
+    def _complete_cell_and_shapes(self):
+        """Fill in an open cell and one round shape where none are given."""
+        self.lengths = (np.inf,) * self.dim if self.lengths is DERIVED else self.lengths
+        self.periodic = (False,) * self.dim if self.periodic is DERIVED else self.periodic
+        if self.shapes is DERIVED:
+            self.shapes = [disc() if self.dim == 2 else sphere()]
+
+    def _complete_orientation(self, n: int):
+        """Fill in one description of the orientations: angles in 2D, unit quaternions in 3D."""
+        check_orientation(self)
         if self.dim == 2:
-            self.angle = np.zeros(n) if self.angle is None else np.asarray(self.angle, float)
-        elif self.orientation is None:
+            self.angle = _array(self.angle, (n,))
+        elif self.orientation is DERIVED:
             self.orientation = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (n, 4))  # takes no memory
         else:
             self.orientation = np.asarray(self.orientation, float)
 
-    def turns(self):
-        """Orientations as the state keeps them: unit complex numbers (n, 2) or unit quaternions (n, 4)."""
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __repr__(self) -> str:
+        return describe.scene_line(self)
+
+    def __str__(self) -> str:
+        return describe.as_text(describe.scene_tree(self))
+
+    def _repr_html_(self) -> str:
+        return describe.as_html(describe.scene_tree(self))
+
+    def orientation_state(self) -> NDArray:
+        """Orientations as the state holds them: unit complex numbers (n, 2) or unit quaternions (n, 4)."""
         if self.dim == 2:
             return np.stack([np.cos(self.angle), np.sin(self.angle)], axis=1)
         return self.orientation
 
-    def _check(self, n):
-        expected = {
-            "position": (n, self.dim),
-            "diameter": (n,),
-            "shape_index": (n,),
-            "platen_index": (n,),
-            **({"angle": (n,)} if self.dim == 2 else {"orientation": (n, orientation_size(3))}),
-            "velocity": (n, self.dim),
-            "angular_velocity": (n, rotation_size(self.dim)),
-        }
-        for name, shape in expected.items():
-            value = getattr(self, name)
-            if value.shape != shape:
-                raise InputError(f"Scene.{name}: array of shape {value.shape}, must be {shape}")
-            if not np.isfinite(value).all():
-                raise InputError(f"Scene.{name}: grain {np.argwhere(~np.isfinite(value))[0][0]} is not finite")
-        for name in ("lengths", "periodic"):
-            if len(getattr(self, name)) != self.dim:
-                raise InputError(f"Scene.{name}: {len(getattr(self, name))} values, must be one per axis ({self.dim})")
-        if not (self.diameter > 0).all():
-            raise InputError(f"Scene.diameter: least value {self.diameter.min():g} m, must be > 0")
-        if not (np.isfinite(self.density) and self.density > 0):
-            raise InputError(f"Scene.density: {self.density!r} kg/m3, must be > 0")
-        if self.shape_index.min() < 0 or self.shape_index.max() >= len(self.shapes):
-            raise InputError(
-                f"Scene.shape_index: {self.shape_index.min()}..{self.shape_index.max()}, "
-                f"must be 0..{len(self.shapes) - 1}"
-            )
-        if self.platen_index.max() >= len(self.platens) or self.platen_index.min() < -1:
-            raise InputError(f"Scene.platen_index: {self.platen_index.max()} but there are {len(self.platens)} platens")
-        if not all(isinstance(e, Effect) for e in self.effects):
-            raise InputError(f"Scene.effects: {self.effects!r}, must be instances of Effect")
-        names = [e.name for e in self.effects]
-        if len(set(names)) < len(names):
-            raise InputError(f"Scene.effects: {names}, each law may be listed once")
-        for role in {e.role for e in self.effects if e.role}:
-            same = [e.name for e in self.effects if e.role == role]
-            if len(same) > 1:
-                raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
-        lossy = [e.name for e in self.effects if e.dissipates]
-        if self.integrator.conservative and lossy:
-            raise InputError(f"Scene.integrator: {self.integrator.__name__} is for scenes without losses, not {lossy}")
-        self.bonds = checked_bonds(self.bonds, self.effects, n)
-        for effect in self.effects:
-            effect.check(self)
-        if self.skin is None:
-            self.skin = SKIN * float(np.mean(self.diameter))
-        if not (np.isfinite(self.skin) and self.skin > 0):
-            raise InputError(f"Scene.skin: {self.skin!r} m, must be > 0")
-        check_box(self.lengths, self.periodic, self.widest(), self.skin)
-        if self.dim == 3 and np.abs(np.linalg.norm(self.orientation, axis=1) - 1.0).max() > 1e-9:
-            raise InputError("Scene.orientation: must be unit quaternions (w, x, y, z) to 1e-9")
-        wrong = [s.name for s in self.shapes if s.dim != self.dim]
-        if wrong:
-            raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {self.dim}D")
-        kind = kind_of(self.shapes)
-        curved = [e.name for e in self.effects if "reduced_radius" in e.needs]
-        if curved and kind not in CURVED:
-            raise InputError(
-                f"Scene.effects: {curved} need one radius of curvature at the contact, which grains with {kind} "
-                f"surfaces do not have; shapes must be discs, spheres or arc chains"
-            )
-        check_walls(self)
-        check_shear(self)
-
-    def masses(self):
-        """(mass (n,) [kg], principal moments of inertia (n, 1 or 3) [kg m2]); a disc has the scene's thickness."""
+    def masses(self) -> tuple[NDArray, NDArray]:
+        """Masses (n,) [kg] and principal moments of inertia (n, 1 or 3) [kg m2]; in 2D of the scene's thickness."""
         s = self.diameter
         depth = self.thickness if self.dim == 2 else 1.0
         measure = np.array([g.measure for g in self.shapes])[self.shape_index]
@@ -178,20 +210,20 @@ class Scene:
         unit = self.density * depth * s**self.dim
         return unit * measure, (unit * s**2)[:, None] * inertia
 
-    def per_grain(self, attribute):
-        """Length `attribute` of the shapes, scaled to every grain [m]."""
+    def per_grain(self, attribute: str) -> NDArray:
+        """Length `attribute` of the shapes, scaled to every grain (n,) [m]."""
         return np.array([getattr(g, attribute) for g in self.shapes])[self.shape_index] * self.diameter
 
-    def reach(self):
-        """Greatest distance of two surfaces [m] at which a law acts."""
+    def reach(self) -> float:
+        """Greatest distance of two surfaces [m] at which an effect acts."""
         return max((e.reach() for e in self.effects), default=0.0)
 
-    def widest(self):
+    def widest(self) -> float:
         """Greatest distance of two centres [m] at which grains act on each other."""
         return 2.0 * float(self.per_grain("bounding_radius").max()) + self.reach()
 
-    def bodies(self):
-        """Facts that bound the time step; see effects.Bodies."""
+    def bodies(self) -> Bodies:
+        """Facts that bound the time step; see `effects.Bodies`."""
         mass, inertia = self.masses()
         inertia = inertia.min(axis=1)
         mobile = self.platen_index < 0 if (self.platen_index < 0).any() else np.ones(len(mass), bool)
@@ -211,32 +243,53 @@ class Scene:
             bond_rate=0.0 if self.bonds is None else bond_rate(self),
         )
 
-    def contact_radii(self, mobile, mass):
-        """Radius of a contact as deep as DEEP of a grain over its mass [m kg-1], of every mobile grain; 0 if no law
-        asks for radii of curvature."""
+    def contact_radii(self, mobile: NDArray, mass: NDArray) -> NDArray:
+        """Radius of a contact over the grain's mass [m kg-1], for every mobile grain.
+
+        The contact is as deep as STIFFENING_DEPTH of the grain. The result is 0 unless an effect needs radii of
+        curvature.
+
+        Parameters
+        ----------
+        mobile : (n,) array of bool
+            Which grains are mobile.
+        mass : (n,) array of float
+            Masses [kg].
+        """
         if not any("reduced_radius" in e.needs for e in self.effects):
             return np.zeros(1)
         curved = np.array([g.patches()[1].max() for g in self.shapes])[self.shape_index] * self.diameter
         reduced = curved * curved.max() / (curved + curved.max())
-        return (np.sqrt(reduced * DEEP * self.per_grain("bounding_radius")) / mass)[mobile]
+        return (np.sqrt(reduced * STIFFENING_DEPTH * self.per_grain("bounding_radius")) / mass)[mobile]
 
-    def stable_dt(self):
-        """Largest stable step [s] of a dense packing of these grains."""
+    def stable_dt(self) -> float:
+        """Largest stable step [s] of a dense packing of these grains.
+
+        Raises
+        ------
+        InputError
+            If no effect bounds the step, so that `dt` must be given.
+        """
         bound = self.step_bound(self.bodies())
         if not np.isfinite(bound):
             raise InputError("Scene.dt: no effect bounds the step, so it must be given")
         return bound
 
-    def step_bound(self, bodies):
-        """Largest stable step [s] of such bodies, infinite if no law bounds it: the laws' frequencies add up as the sum
-        of 1/dt^2."""
+    def step_bound(self, bodies: Bodies) -> float:
+        """Largest stable step [s] of such bodies, infinite if no effect bounds it.
+
+        The squares of the frequencies of all effects add up, hence the inverse squares of their steps.
+        """
         rates = sum(e.stable_dt(bodies) ** -2 for e in self.effects)
         return rates**-0.5 if rates > 0.0 else np.inf
 
-    def chosen_dt(self):
+    def chosen_dt(self) -> float:
         """The time step [s]: `dt` if it is given, else `safety` times the stable one.
 
-        Raises InputError for a step at which a single contact of the lightest grains may be unstable.
+        Raises
+        ------
+        InputError
+            For a step at which a single contact of the lightest grains may be unstable.
         """
         if self.dt is None:
             return self.safety * self.stable_dt()
@@ -250,3 +303,14 @@ class Scene:
                     "the stable step of a single contact of the lightest grains"
                 )
         return self.dt
+
+
+def _array(given: Any, shape: tuple[int, ...]) -> NDArray:
+    """Array of floats, zeros of this shape if nothing is given."""
+    return np.zeros(shape) if given is DERIVED else np.asarray(given, float)
+
+
+def _per_grain(given: Any, n: int, default: float, dtype: type) -> NDArray:
+    """One number per grain: the default, or a scalar for all, or an array."""
+    array = np.asarray(default if given is DERIVED else given, dtype)
+    return np.full(n, array) if array.ndim == 0 else array

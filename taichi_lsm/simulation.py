@@ -1,11 +1,15 @@
 """The simulation that runs a scene."""
 
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from . import describe
 from .bonds.bond_network import Bonds, FreedContacts
 from .bonds.bond_setup import bond_effect
 from .boundaries.periodic_cell import Domain
@@ -22,7 +26,11 @@ from .contact.surface_kinds import surface_table
 from .core.errors import InputError, SimulationError
 from .core.runtime import allocating, start, when_allocated
 from .io.checkpoint import save_checkpoint
+from .io.contacts_dataset import contacts_dataset
+from .measure.contacts import ContactTable
 from .measure.sums import Measure
+from .measure.velocities import SynchronisedVelocities
+from .scene import Scene
 from .stepping.contact_forces import ContactForces
 from .stepping.grain_state import Grains, StateView
 from .stepping.kernel_spec import KernelSpec
@@ -30,26 +38,49 @@ from .stepping.monitor import Monitor
 from .stepping.step_loop_cpu import StepLoopCPU
 from .stepping.step_loop_gpu import StepLoopGPU
 from .stepping.step_stages import StepStages
+from .stepping.verlet import VelocityVerlet
+
+if TYPE_CHECKING:
+    import xarray
 
 PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packing of discs or spheres needs
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
 MANY = 20_000  # grains; for more memory matters, for fewer a list that need not grow, as each growth compiles anew
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
+NOT_COMPOSED: Any = None  # what `compose` makes, before it has run
 LAST_GOOD, STOPPED = "checkpoint.nc", "stopped.nc"
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
 
 class Simulation:
-    """Runs a scene. Starts Taichi if that is not done yet; one process can hold several simulations of one runtime."""
+    """Runs a scene; `print(sim)` shows what it consists of.
 
-    def __init__(self, scene, arch="cpu", precision="f64", threads=1):
+    Parameters
+    ----------
+    scene : Scene
+        What to run.
+    arch : {"cpu", "gpu"}
+        Where kernels run.
+    precision : {"f64", "f32"}
+        Precision of contact geometry, forces and histories; positions, velocities and sums are always f64.
+    threads : int
+        Number of CPU threads. Results do not depend on it, to the last bit.
+
+    Notes
+    -----
+    The first simulation starts Taichi; all of a process share its arch, precision and number of threads.
+    """
+
+    def __init__(self, scene: Scene, arch: str = "cpu", precision: str = "f64", threads: int = 1):
         self.runtime = start(arch, precision, threads)
         self.scene = scene
         self.step = 0
         self.rebuilds = 0
         self.launches = 0
         self.seconds = {}  # by what the run was doing
-        self._folder = self.monitor = self.integrator = None
+        self._folder: Path | None = None
+        self.monitor: Monitor = NOT_COMPOSED
+        self.integrator: VelocityVerlet = NOT_COMPOSED
         shared = len(scene.position) > SERIAL_LIMIT if scene.parallel is None else scene.parallel
         self.threads = self.runtime.threads if shared else 1
         self.skin = scene.skin
@@ -91,7 +122,7 @@ class Simulation:
         dense = PAIRS_PER_GRAIN[self.spec.dim] * n * (SHAPED_PAIRS if self.spec.shaped else 1.0) if n <= MANY else 0
         return int(max(1.15 * wanted, dense))
 
-    def compose(self, pairs):
+    def compose(self, pairs: Pairs) -> None:
         """Specialise the kernels for this scene and this storage of pairs."""
         scene, spec = self.scene, self.spec
         self.pairs = pairs
@@ -109,6 +140,8 @@ class Simulation:
         on_gpu = self.runtime.arch != "cpu"
         self.step_loop = StepLoopGPU(self.stages) if on_gpu else StepLoopCPU(self.stages, self.threads)
         self.measure = Measure(self.forces, self.integrator)
+        self.contact_table = ContactTable(self.forces)
+        self._velocities = SynchronisedVelocities(self.integrator)
         self.monitor = Monitor(self, self.monitor)
 
     def _start(self):
@@ -118,7 +151,7 @@ class Simulation:
         self.monitor.begin()
         self.monitor.check_error_flags()
 
-    def reset(self, scene):
+    def reset(self, scene: Scene) -> None:
         """Start again from another scene of equal KernelSpec, without compiling anything.
 
         Numbers of grains and bonds, effects, integrator and periodic axes must be the same and there may be no
@@ -145,7 +178,7 @@ class Simulation:
             self.bonds.fill(scene)
         self.restart()
 
-    def restart(self, strain=0.0):
+    def restart(self, strain: float = 0.0) -> None:
         """Start again from the present positions and velocities, taken to belong to the same time, without a past.
 
         No contact remembers anything, nothing has been dissipated, no work has been done. strain [1]: of a sheared
@@ -166,7 +199,7 @@ class Simulation:
         self.rebuild_neighbours()
         self._start()
 
-    def set_time_step(self, dt):
+    def set_time_step(self, dt: float) -> None:
         """Choose the time step [s], for a run that is about to `restart`: velocities live half a step before positions.
 
         Raises InputError unless it is a positive number.
@@ -176,7 +209,7 @@ class Simulation:
         self._dt = float(dt)
         self.integrator.set_time_step(self._dt)
 
-    def set_skin(self, skin):
+    def set_skin(self, skin: float) -> None:
         """Choose the skin of the neighbour list [m], from the next rebuild on."""
         self.skin = skin
         self.search.set_skin(skin + self.scene.reach())
@@ -211,20 +244,73 @@ class Simulation:
             state.overlap_limit.from_numpy(scene.per_grain("overlap_limit"))
 
     @property
-    def dt(self):
+    def dt(self) -> float:
         """Time step [s]."""
         return self._dt
 
     @property
-    def time(self):
+    def time(self) -> float:
         """Simulated time [s]."""
         return self.step * self._dt
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.grains)
 
+    def __repr__(self) -> str:
+        return describe.simulation_line(self)
+
+    def __str__(self) -> str:
+        return describe.as_text(describe.simulation_tree(self))
+
+    def _repr_html_(self) -> str:
+        return describe.as_html(describe.simulation_tree(self))
+
+    @property
+    def positions(self) -> NDArray:
+        """Centres of mass (n, dim) [m] by persistent id, world frame; never wrapped into a periodic cell."""
+        return self.grains.column("position")
+
+    @property
+    def velocities(self) -> NDArray:
+        """Velocities (n, dim) [m s-1] by persistent id, world frame, at the time of the positions.
+
+        In a sheared cell the mean flow is included. The first call compiles a small kernel; the run is not changed.
+        """
+        return self._velocities.values()
+
+    def contacts(self) -> "xarray.Dataset":
+        """All contacts at this instant, one row each; the first call compiles a small kernel.
+
+        Each pair of grains appears once, under the lower of its two ids; a pair of grains of several convex parts once
+        for each pair of parts that touch. The state of the run is not changed.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions contact, sorted by first_id, second_id and parts, and space (x, y, z). Variables, each with
+            units and long_name:
+
+            first_id, second_id : persistent ids of the grains; second_id is -1 - w at wall w of `Scene.walls`.
+            first_part, second_part : convex parts in contact, 0 for grains of one part.
+            point : middle of the overlap [m]; in a periodic cell beside the position of the first grain.
+            normal : unit vector from the first grain to the second, or into the wall.
+            branch : vector from the first centre to the nearest image of the second [m]; at a wall, to the contact.
+            overlap : depth along the normal [m]; negative for a force across a gap, not a number for a bond.
+            normal_force : [N], positive in compression.
+            tangential_force : on the second grain [N].
+            sliding : True where friction is at its limit.
+            bonded : True for an intact bond, which acts in place of a contact; its normal lies along the branch.
+
+        Notes
+        -----
+        The force on the second grain is normal_force * normal + tangential_force. Impulses with which OnsetVerlet
+        corrects the begin and end of contacts are not part of it. The mean stress of the contacts in a volume V,
+        compression positive, is the sum of force (x) branch over V.
+        """
+        return contacts_dataset(self)
+
     @contextmanager
-    def clock(self, name):
+    def clock(self, name: str) -> Iterator[None]:
         """Add the wall-clock time of the block to `seconds[name]` [s]."""
         began = time.perf_counter()
         try:
@@ -232,14 +318,14 @@ class Simulation:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
 
-    def keep_checkpoints(self, folder, seconds=60.0):
+    def keep_checkpoints(self, folder: str | Path, seconds: float = 60.0) -> None:
         """Keep the last good state in `folder`: checkpoint.nc, every so many seconds of wall clock if no guard objects.
 
         A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads both.
         """
         self._folder, self._keep_seconds, self._kept = Path(folder), seconds, time.monotonic()
 
-    def run(self, steps):
+    def run(self, steps: int) -> None:
         """Advance by an integer number of steps. Raises SimulationError naming the step, the grains and the cause."""
         target = self.step + int(steps)
         try:
@@ -288,17 +374,17 @@ class Simulation:
         except SimulationError as error:
             raise SimulationError(f"step {self.step}: {error}", self.step, error.grains, error.values) from None
 
-    def rebuild_neighbours(self):
+    def rebuild_neighbours(self) -> None:
         """Search for neighbours and write the list anew; pairs that stay listed keep what they remember."""
         wanted = self._count_pairs()
         if wanted > self.pairs.capacity:
             self.compose(grown(self.pairs, int(GROWTH * wanted)))
         self.neighbours.write()
         self.rebuilds += 1
-        if self.bonds:
+        if self.freed:
             self.freed.begin()
 
-    def clear_flags(self):
+    def clear_flags(self) -> None:
         """Forget what the last launch reported: halts, finished steps, errors."""
         for flag in (self.validity.outdated, self.stages.halted, self.stages.steps_done):
             flag[None] = 0

@@ -1,4 +1,11 @@
-"""Effects, one per file; `find_effects` discovers them here and in `$LSM_PLUGINS/effects`."""
+"""What acts on the grains: contact laws, body forces, damping and bonds, one per file.
+
+`find_effects` discovers them here and in `$LSM_PLUGINS/effects`. The class in `linear_elastic.py` is the name
+`LinearElastic` of this package, and so for every file. Names are imported when they are first used: reading the list of
+effects does not load Taichi.
+"""
+
+from __future__ import annotations
 
 import dataclasses
 import difflib
@@ -10,10 +17,51 @@ import pkgutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
-from .base import Bodies, Effect, HistoryValue, contact_type, effect_name, finite, require
+
+if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
+    from .base import Bodies as Bodies
+    from .base import Effect as Effect
+    from .base import HistoryValue as HistoryValue
+    from .base import contact_type as contact_type
+    from .base import effect_name as effect_name
+    from .base import finite as finite
+    from .base import require as require
+    from .cohesion import Cohesion as Cohesion
+    from .coulomb_friction import CoulombFriction as CoulombFriction
+    from .elastic_brittle_bond import ElasticBrittleBond as ElasticBrittleBond
+    from .global_damping import GlobalDamping as GlobalDamping
+    from .gravity import Gravity as Gravity
+    from .hertz import Hertz as Hertz
+    from .linear_elastic import LinearElastic as LinearElastic
+    from .mindlin import Mindlin as Mindlin
+    from .rate_and_state_friction import RateAndStateFriction as RateAndStateFriction
+    from .rolling_resistance import RollingResistance as RollingResistance
+    from .velocity_weakening_friction import VelocityWeakeningFriction as VelocityWeakeningFriction
+    from .viscous_damping import ViscousDamping as ViscousDamping
+
+_BASE = ("Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "finite", "require")
+_SHARED = ("base", "tangential_spring")  # modules that define no effect
+_HOME = dict.fromkeys(_BASE, "base") | {
+    "".join(word.capitalize() for word in module.name.split("_")): module.name
+    for module in pkgutil.iter_modules(__path__)
+    if module.name not in _SHARED
+}
+__all__ = sorted([*_HOME, "find_effects", "make_effects"])
+
+
+if not TYPE_CHECKING:  # else type checkers would take any name for granted
+
+    def __getattr__(name):
+        if name not in _HOME:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+
+
+def __dir__():
+    return __all__
 
 
 def find_effects() -> dict[str, type[Effect]]:
@@ -29,6 +77,8 @@ def find_effects() -> dict[str, type[Effect]]:
     ]
     folder = os.environ.get("LSM_PLUGINS")
     modules += [_plugin(path) for path in sorted(Path(folder, "effects").glob("*.py"))] if folder else []
+    from .base import Effect, effect_name  # loads Taichi
+
     found = {}
     for module in modules:
         for _, cls in inspect.getmembers(module, inspect.isclass):
@@ -89,16 +139,3 @@ def _plugin(path: Path) -> ModuleType:
 def _nearest(name: object, names: Iterable[str]) -> str:
     close = difflib.get_close_matches(str(name), names, 1)
     return f". Did you mean {close[0]}?" if close else ""
-
-
-__all__ = [
-    "Bodies",
-    "Effect",
-    "HistoryValue",
-    "contact_type",
-    "effect_name",
-    "find_effects",
-    "finite",
-    "make_effects",
-    "require",
-]

@@ -18,6 +18,10 @@ class Energies(NamedTuple):
     dissipated: float
     work: float
 
+    def __repr__(self) -> str:
+        terms = ", ".join(f"{name} {value:.6g} J" for name, value in self._asdict().items())
+        return f"Energies({terms}; balance {self.balance:.6g} J)"
+
     @property
     def stored(self):
         """Energy in the grains and platens [J]."""

@@ -68,7 +68,7 @@ class StageTimer:
         return {name: sorted(values)[TURNS // 2] for name, values in taken.items()}
 
 
-def profile(sim):
+def runtime_profile(sim):
     """Where the time of a run went, as rows (what, share of all seconds, nanoseconds per grain and step).
 
     Indented rows are the stages of a step. They are timed once more, one by one and in one thread, at the end of the
@@ -77,7 +77,7 @@ def profile(sim):
     grain_steps = sim.step * len(sim)
     total = sum(sim.seconds.values())
     if not grain_steps:
-        raise InputError("profile: no step was made, run the simulation first")
+        raise InputError("runtime_profile: no step was made, run the simulation first")
     rows = []
     for name, seconds in sim.seconds.items():
         rows.append((name, seconds / total, seconds / grain_steps * 1e9))
@@ -89,13 +89,13 @@ def profile(sim):
     return rows
 
 
-def profile_text(sim):
-    """`profile` as a table, with the sizes that explain it: grains, steps, rebuilds, listed pairs, bytes of a pair."""
+def runtime_profile_text(sim):
+    """`runtime_profile` as a table, with the sizes that explain it: grains, steps, rebuilds, pairs, bytes of a pair."""
     pairs = int(sim.pairs.row_start.to_numpy()[len(sim)])
     lines = [
         f"{len(sim)} grains, {sim.step} steps, a new neighbour list every {sim.step / max(1, sim.rebuilds):.0f} steps, "
         f"{pairs / len(sim):.2f} listed pairs per grain of {sim.pairs.bytes_per_pair()} bytes",
         f"{'':24}{'share':>8}{'ns per grain and step':>24}",
     ]
-    lines += [f"{name:24}{100 * share:7.1f}%{cost:24.2f}" for name, share, cost in profile(sim)]
+    lines += [f"{name:24}{100 * share:7.1f}%{cost:24.2f}" for name, share, cost in runtime_profile(sim)]
     return "\n".join(lines)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Estimate", "combine_replicas", "difference", "steady_ratio", "steady_state"]
 
+__all__ = ["Estimate", "combine_replicas", "difference", "steady_ratio", "steady_state"]
+
 # Fewer samples do not show their own correlation, so that every error made from them would be a guess.
 LEAST_SAMPLES = 10
 

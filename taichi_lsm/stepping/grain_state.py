@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -98,6 +99,10 @@ class Grains:
         ti.loop_config(serialize=True)
         for k in range(self.slot_of.shape[0]):
             self.id[k] = self.slot_of[k] = self.previous_slot[k] = k
+
+    if TYPE_CHECKING:  # the fields of `grain_variables`
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def __len__(self):
         return int(self.count[None])

@@ -90,7 +90,7 @@ def collide(oblique, restitution, steps):
     angular_velocity = np.zeros((len(position), 1))
     scenes.reload(sim, duration / steps, position=position, velocity=velocity, angular_velocity=angular_velocity)
     sim.run(int(1.5 * steps))
-    assert np.all(sim.pairs.status.to_numpy() == 0)
+    assert sim.contacts().sizes["contact"] == 0
     v = sim.state.velocity.to_numpy().reshape(-1, 2, 2)
     return v, sim.state.angular_velocity.to_numpy().reshape(-1, 2), mass
 

@@ -76,7 +76,7 @@ def test_cohesion_takes_the_energy_of_its_reach_to_part_grains(cohesive):
             gaps.append(float(x[1, 0] - x[0, 0]) - 1.0)
         assert (max(gaps) > REACH) == parted
         assert scenes.energy(cohesive)[0] == pytest.approx(start, abs=scenes.tolerance(1e-4) * PULL_OFF * REACH)
-    assert np.all(cohesive.pairs.pair_force.to_numpy() == 0.0) and np.all(cohesive.pairs.status.to_numpy() == 0)
+    assert cohesive.contacts().sizes["contact"] == 0 and not cohesive.state.force.to_numpy().any()
 
 
 def test_grains_at_rest_overlap_by_the_pull_off_force_over_the_stiffness(cohesive):

@@ -41,7 +41,7 @@ def fly(impacts, restitution, steps_per_contact):
     x, v = (getattr(sim.state, name).to_numpy().reshape(-1, 2, 3) for name in ("position", "velocity"))
     parting = np.sum((v[:, 1] - v[:, 0]) * towards, axis=1)
     gap = np.linalg.norm(x[:, 1] - x[:, 0], axis=1) - sim.state.radius.to_numpy().reshape(-1, 2).sum(axis=1)
-    assert np.all(gap > 0) and np.all(sim.pairs.status.to_numpy() == 0)
+    assert np.all(gap > 0) and sim.contacts().sizes["contact"] == 0
     return parting / SPEED, sim.time - GAP / SPEED - gap / parting
 
 

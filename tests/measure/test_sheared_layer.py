@@ -69,10 +69,9 @@ def test_stress_in_the_bulk_is_the_stress_on_the_platen(consolidated):
 def test_stress_is_the_mean_over_planes_of_the_forces_that_cross_them(consolidated):
     sim, layer, row = consolidated
     y = sim.state.position.to_numpy()[:, 1]
-    starts = sim.pairs.row_start.to_numpy()[: len(sim) + 1]
-    first = sim.grains.id.to_numpy()[np.repeat(np.arange(len(sim)), np.diff(starts))]
-    second = sim.pairs.second_id.to_numpy()[: starts[-1]]
-    force = sim.pairs.pair_force.to_numpy()[: starts[-1]] * (sim.pairs.status.to_numpy()[: starts[-1]] != 0)[:, None]
+    contacts = sim.contacts()
+    first, second = contacts.first_id.values, contacts.second_id.values
+    force = (contacts.normal_force * contacts.normal + contacts.tangential_force).values
     bottom, top = layer.plane[0], layer.plane[1] + sim.platens.displacement.to_numpy()[1, 1]
     margin = 3 * layer.diameter
     found = []

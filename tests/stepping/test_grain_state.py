@@ -148,7 +148,7 @@ GOOD = {"position": [(0.0, 0.0), (3.0, 0.0)], "effects": [lsm.LinearElastic(1.0)
     [
         ({"position": np.zeros((0, 2))}, "no grains"),
         ({"position": [(0.0, np.nan), (1.0, 0.0)]}, "Scene.position: grain 0 is not finite"),
-        ({"position": np.zeros((2, 4))}, "dim 4"),
+        ({"position": np.zeros((2, 4))}, "Scene.dim: 4"),
         ({"diameter": -1.0}, "Scene.diameter"),
         ({"density": 0.0}, "Scene.density"),
         ({"shape_index": 1}, "Scene.shape_index"),
