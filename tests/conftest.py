@@ -1,79 +1,171 @@
-"""Every test module runs in a process of its own, with one Taichi; costly simulations are shared inside a module.
+"""Tests run in forks of the test process; costly experiments are made once per session.
 
-Taichi 1.7 numbers all nodes of a process in a table of 1024 and writes past its end without a word; a simulation
-takes 100 to 250 of them. Taichi cannot be started afresh in one process while sparse fields exist. So a module is
-a fork of the test process, which never loads Taichi itself. A module that crashes is one failed test.
+Taichi 1.7 numbers all nodes of a process in a table of 1024 and writes past its end without a word; a simulation takes
+100 to 250 of them, and Taichi cannot be started afresh in one process while sparse fields exist. So the test process
+itself never starts Taichi: its tests run in a child, which a fork makes in a third of a second. A module begins with an
+empty table, because Taichi finds a kernel in its cache only if the nodes have the same numbers as before; when the
+table fills up, the module goes on in the next child, with module fixtures of its own. A child that dies is one failed
+test, and the rest goes on.
 """
 
-import json
+import fcntl
+import importlib
+import multiprocessing
 import os
 import sys
 import warnings
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from _pytest.runner import runtestprotocol
 
+import taichi_lsm as lsm
 from tests.helpers import scenes
 
 MOST_NODES = 1024
+FULL = 600  # nodes in use after which a child begins no further test
+NO_ROOM = "Taichi nodes of"  # in the message of a test that finds no room for its simulation: it has another child
+TESTS = Path(__file__).parent
 SMALL_LAYER = {"layer_thickness": 8, "length": 10, "inertial_number": 5e-3, "strain": 0.5, "steady_from": 0.2}
+LONGEST = (  # modules that take most time, in this order; then those of few tests, which take long as a rule
+    "hard/test_every_case.py",
+    "experiments/test_shear_gouge.py",
+    "experiments/test_compare_shapes.py",
+    "physics/test_impacts.py",
+    "physics/test_rubble.py",
+    "experiments/test_energy_conservation.py",
+    "contact/test_ball_polyhedra.py",
+    "io/test_checkpoint.py",
+    "hard/test_controls.py",
+    "boundaries/test_plane_walls.py",
+    "bonds/test_bond_network.py",
+    "effects/test_every_effect.py",
+)
 
-_reports = {}  # of the present module, by test
+_child = []  # the present one
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """Modules of few tests first: those take long, and at the end one process would wait for the other."""
+    """The longest modules first: at the end one process would wait for the other. In a module, f32 comes last."""
+    order = {TESTS / name: i for i, name in enumerate(LONGEST)}
     count = Counter(item.path for item in items)
-    items.sort(key=lambda item: (count[item.path], item.path))
+    items.sort(
+        key=lambda i: (order.get(i.path, len(order)), count[i.path], i.path, precision_of(i) != scenes.PRECISION)
+    )
+
+
+def precision_of(item):
+    """Precision in which a test runs."""
+    return item.callspec.params.get("runtime", scenes.PRECISION) if hasattr(item, "callspec") else scenes.PRECISION
+
+
+def pytest_collection_finish():
+    """Import once, before the forks, what most children need."""
+    for name in ("matplotlib.figure", "netCDF4", "scipy.spatial", "taichi_lsm.simulation", "xarray"):
+        importlib.import_module(name)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item, nextitem):
-    """Report a test; the first one of a module runs the module first."""
+    """Run a test in the present child, or in a new one."""
     if not hasattr(os, "fork") or item.config.getoption("usepdb"):
         return None
-    if item.nodeid not in _reports:
-        same = [other for other in item.session.items if other.path == item.path]
-        _reports.update(run_in_fork(item.config, same[same.index(item) :]))
+    if _child and not _child[0].takes(item):
+        _child.pop().retire()
+    if not _child:
+        _child.append(Child(item))
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    for report in _reports.pop(item.nodeid):
+    used, reports = _child[0].nodes, _child[0].run(item, nextitem)
+    if used and any(NO_ROOM in str(report.longrepr) for report in reports):
+        _child.pop().retire()
+        _child.append(Child(item))
+        reports = _child[0].run(item, nextitem)
+    for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    if nextitem is None or not _child[0].alive:
+        _child.pop().retire()
     return True
 
 
-def run_in_fork(config, items):
-    """{test: reports} of these tests; if the process dies, the test it died in has failed and the rest are missing."""
-    folder = config._tmp_path_factory.getbasetemp()  # made here, for all modules
-    os.environ["LSM_TEST_FOLDER"] = str(folder)
-    file = folder / "reports.jsonl"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # threads of numerical libraries sleep through a fork
-        child = os.fork()
-    if child == 0:
-        run_and_exit(config, items, file)
-    _, status = os.waitpid(child, 0)
-    found = {}
-    for line in file.read_text(encoding="utf-8").splitlines(keepends=True):
-        if line.endswith("\n"):  # else the process died while it wrote this line
-            nodeid, data = json.loads(line)
-            found[nodeid] = [config.hook.pytest_report_from_serializable(config=config, data=d) for d in data]
-    missing = next((item for item in items if item.nodeid not in found), None)
-    if missing:
-        text = f"the process of {missing.path.name} died with status {status}"
-        found[missing.nodeid] = [pytest.TestReport(missing.nodeid, missing.location, {}, "failed", text, "call")]
-    return found
+class Child:
+    """A fork of the test process that runs tests one by one."""
+
+    def __init__(self, item):
+        self.config, self.scope = item.config, scope_of(item)
+        self.nodes, self.alive = 0, True
+        self.config._tmp_path_factory.getbasetemp()  # made here, for all children
+        self.pipe, theirs = multiprocessing.Pipe()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # threads of numerical libraries sleep through a fork
+            self.pid = os.fork()
+        if self.pid == 0:
+            self.pipe.close()
+            serve(theirs, item.session)
+        theirs.close()
+
+    def takes(self, item):
+        """May the next test run here? Not in another precision, after another module's nodes, or in a full table."""
+        (module, precision), (mine, own) = scope_of(item), self.scope
+        return precision == own and (self.nodes == 0 or (module == mine and self.nodes < FULL))
+
+    def run(self, item, nextitem):
+        """The reports of a test; one that says so if the child dies."""
+        self.scope = scope_of(item)
+        items = item.session.items
+        self.pipe.send((items.index(item), None if nextitem is None else items.index(nextitem)))
+        dead = status = 0
+        while not (dead or self.pipe.poll(0.2)):  # a process that the child has left may keep the pipe open
+            dead, status = os.waitpid(self.pid, os.WNOHANG)
+        try:
+            if dead:
+                raise EOFError
+            data, self.nodes = self.pipe.recv()
+        except EOFError:
+            return self.died(item, status if dead else os.waitpid(self.pid, 0)[1])
+        reports = [self.config.hook.pytest_report_from_serializable(config=self.config, data=d) for d in data]
+        full = f"{self.nodes} {NO_ROOM} {MOST_NODES}"  # and Taichi has written past the end of its table
+        return reports if self.nodes < MOST_NODES else [*reports, failed(item, full)]
+
+    def died(self, item, status):
+        """The report of a test that has ended its process."""
+        self.alive = False
+        return [failed(item, f"the process of {item.nodeid} died with status {status}")]
+
+    def retire(self):
+        """Let the child end; what it has compiled is then in the cache."""
+        self.pipe.close()
+        if self.alive:
+            os.waitpid(self.pid, 0)
 
 
-def run_and_exit(config, items, file):
-    """The child: every test's reports go to the file as soon as it is over."""
-    with open(file, "w", encoding="utf-8") as reports:
-        for item, following in zip(items, [*items[1:], None]):
-            done = runtestprotocol(item, log=False, nextitem=following)
-            data = [config.hook.pytest_report_to_serializable(config=config, report=report) for report in done]
-            reports.write(json.dumps([item.nodeid, data], default=str) + "\n")
-            reports.flush()
+def failed(item, text):
+    """Report of a test that could not tell by itself."""
+    return pytest.TestReport(item.nodeid, item.location, {}, "failed", text, "call")
+
+
+def scope_of(item):
+    """(module, precision): tests of one scope may share a child."""
+    return item.path, precision_of(item)
+
+
+def serve(pipe, session):
+    """The child: run the tests that are asked for until the pipe closes."""
+    items, config = session.items, session.config
+    while True:
+        try:
+            at, following = pipe.recv()
+        except EOFError:
+            break
+        nextitem = None if following is None else items[following]
+        done = runtestprotocol(items[at], log=False, nextitem=nextitem)
+        data = [config.hook.pytest_report_to_serializable(config=config, report=report) for report in done]
+        pipe.send((data, nodes_in_use()))
+    session._setupstate.teardown_exact(None)
     sys.stdout.flush()
     sys.stderr.flush()
     if "taichi_lsm.core.runtime" in sys.modules:
@@ -81,14 +173,26 @@ def run_and_exit(config, items, file):
     os._exit(0)
 
 
-@pytest.fixture(scope="session")
-def runtime():
-    """Taichi on one CPU thread, f64 unless LSM_TEST_PRECISION=f32."""
-    from taichi_lsm.core.runtime import start, ti
+def nodes_in_use():
+    """Highest number of a Taichi node in this process."""
+    if "taichi_lsm.core.runtime" not in sys.modules:
+        return 0
+    program = sys.modules["taichi_lsm.core.runtime"].ti.lang.impl.get_runtime().prog
+    trees = program.get_snode_tree_size() if program else 0
 
-    yield start("cpu", scenes.PRECISION, 1)
-    nodes = ti.field(ti.i32, ()).snode.ptr.id
-    assert nodes < MOST_NODES, f"this module makes {nodes} nodes in simulations and fields: split it"
+    def highest(node):
+        return max([node.id, *(highest(node.get_ch(i)) for i in range(node.get_num_ch()))])
+
+    return highest(program.get_snode_root(trees - 1)) if trees else 0
+
+
+@pytest.fixture(scope="session")
+def runtime(request):
+    """Taichi on one CPU thread, in the precision of the test."""
+    from taichi_lsm.core.runtime import start
+
+    scenes.PRECISION = getattr(request, "param", scenes.PRECISION)
+    return start("cpu", scenes.PRECISION, 1)
 
 
 @pytest.fixture(scope="module")
@@ -105,18 +209,32 @@ def reference_packing(runtime):
 
 
 @pytest.fixture(scope="session")
-def sheared(runtime, tmp_path_factory):
+def sheared(runtime, once_per_session):
     """sheared(shape): (folder, parameters, run.nc as a Dataset) of a small 2D layer, sheared once per session."""
     from workflows import shear_gouge
 
-    made = {}
-
     def get(shape):
-        if shape not in made:
-            out = tmp_path_factory.mktemp(shape)
-            params = shear_gouge.Params(shape=shape, precision=runtime.precision, **SMALL_LAYER)
-            made[shape] = out, params, shear_gouge.run(params, out)
-        return made[shape]
+        params = shear_gouge.Params(shape=shape, precision=runtime.precision, **SMALL_LAYER)
+        out = once_per_session(f"sheared-{shape}", lambda folder: shear_gouge.run(params, folder).close())
+        return out, params, lsm.open_run(out / "run.nc")
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def once_per_session(tmp_path_factory):
+    """once_per_session(name, make): a folder that `make(folder)` has filled, for all processes of this session."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+    def get(name, make):
+        out = shared / f"{name}-{scenes.PRECISION}"
+        with open(f"{out}.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # given up also by a process that dies
+            if not out.exists():
+                make(shared / "unfinished" / out.name)
+                (shared / "unfinished" / out.name).rename(out)
+        return out
 
     return get
 

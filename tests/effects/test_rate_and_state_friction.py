@@ -38,6 +38,7 @@ def slide(bench, velocity, distance, steps):
     return bench.force.to_numpy()
 
 
+@scenes.both_precisions
 @pytest.mark.parametrize("evolution", ["ageing", "slip"])
 def test_steady_state_over_twenty_decades(sliders, evolution):
     bench = sliders[evolution]

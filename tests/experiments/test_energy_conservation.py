@@ -6,7 +6,7 @@ import pytest
 import taichi_lsm as lsm
 from workflows import energy_conservation
 
-SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 25, "samples": 20}
+SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 36, "samples": 20}
 
 
 def test_small_gas_keeps_its_energy_and_the_printed_scheme_does_not(tmp_path, monkeypatch):

@@ -1,20 +1,20 @@
 """Small scenes that several tests share, and the means to use one compiled simulation for many of them."""
 
-import functools
 import os
-import subprocess
-import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import taichi_lsm as lsm
 from workflows.common.small_scenes import scene_of as scene
 
-PRECISION = os.environ.get("LSM_TEST_PRECISION", "f64")
+PRECISION = os.environ.get("LSM_TEST_PRECISION", "f64")  # of the present test; the fixture `runtime` sets it
+KEY_PRECISIONS = ("f64", "f32") if PRECISION == "f64" else (PRECISION,)
+both_precisions = pytest.mark.parametrize("runtime", KEY_PRECISIONS, indirect=True)  # of a key test
 STIFFNESS = 1e5
-FILL = {"discs": 0.88, "arcs": 0.90}  # part of the box that a packing fills: a few per cent of overlap
+FILL = {"discs": 0.88, "arcs": 0.90}  # share of the box that a packing fills: a few per cent of overlap
+STORED = Path(__file__).parent / "packings"
 
 
 def tolerance(f64, f32=1e-4):
@@ -37,7 +37,7 @@ def reload(sim, dt=None, strain=0.0, **columns):
 
 
 def effect(sim, name):
-    """The compiled law of this name: its parameters are in fields."""
+    """The compiled effect of this name: its parameters are in fields."""
     return next(e for e in sim.effects if e.name == name)
 
 
@@ -48,8 +48,19 @@ def energy(sim):
     return sum(sums[p] for p in parts), sum(v for k, v in sums.items() if k.startswith("dissipated_"))
 
 
+def momenta(sim):
+    """(linear momentum, its scale, angular momentum, its scale) of velocities half a step before positions."""
+    mass, inertia = sim.scene.masses()
+    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "angular_velocity"))
+    orbital = np.cross(x, v) if x.shape[1] == 3 else (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])[:, None]
+    own = sim.state.angular_momentum.to_numpy() if sim.grains.has("angular_momentum") else inertia * omega
+    angular = mass[:, None] * orbital + own
+    linear = (mass[:, None] * v).sum(axis=0)
+    return linear, (mass * np.linalg.norm(v, axis=1)).sum(), angular.sum(axis=0), np.abs(angular).sum()
+
+
 def frictional(stiffness=STIFFNESS):
-    """All the laws of a grain in gouge."""
+    """All effects of a grain in gouge."""
     return [
         lsm.LinearElastic(stiffness),
         lsm.ViscousDamping(restitution=0.6),
@@ -65,14 +76,20 @@ def reference_packing_scene(name):
 
 
 def packing(body, count=48, seed=1):
-    """Arguments of `scene` for a dense periodic packing of "discs" or of angular "arcs", found by slow growth."""
+    """Arguments of `scene` for a dense periodic packing of "discs" or of angular "arcs", from `grow_packing.py`."""
+    with np.load(STORED / f"{body}-{count}-{seed}.npz") as arrays:
+        return loose_packing(body, count, seed) | dict(arrays)
+
+
+def loose_packing(body, count, seed):
+    """The same grains on a lattice, before they are grown into each other."""
     rng = np.random.default_rng(seed)
     shapes = [lsm.disc()] if body == "discs" else lsm.random_angular_shapes(8, seed)
     scale = rng.uniform(0.8, 1.2, count)
     side = float(np.sqrt(0.25 * np.pi * (scale**2).sum() / FILL[body]))
     rows = int(np.ceil(np.sqrt(count)))
     lattice = np.stack(np.divmod(rng.permutation(rows * rows)[:count], rows), axis=1)
-    loose = {
+    return {
         "position": (lattice + 0.5 + rng.uniform(-0.05, 0.05, (count, 2))) * (side / rows),
         "shapes": shapes,
         "shape_index": np.arange(count) % len(shapes),
@@ -81,40 +98,3 @@ def packing(body, count=48, seed=1):
         "lengths": (side, side),
         "periodic": (True, True),
     }
-    return loose | grown_elsewhere(body, count, seed) if __name__ != "__main__" else loose
-
-
-@functools.cache
-def grown_elsewhere(body, count, seed):
-    """position and angle of the packing, made in a process of its own: its Taichi leaves no fields in ours."""
-    root = Path(__file__).resolve().parents[2]
-    file = Path(os.environ.get("LSM_TEST_FOLDER") or tempfile.mkdtemp()) / f"packing-{body}-{count}-{seed}.npz"
-    if not file.exists():
-        command = [sys.executable, "-m", "tests.helpers.scenes", body, str(count), str(seed), str(file)]
-        subprocess.run(command, cwd=root, check=True, env=os.environ | {"LSM_TEST_PRECISION": "f64"})
-    with np.load(file) as arrays:
-        return dict(arrays)
-
-
-def grown(arguments, stages=60, steps=200):
-    """position (n, 2) [m] and angle (n,) [rad] after the grains have grown from 0.6 of their size, without friction."""
-    scale = arguments["diameter"]
-    sim = simulate(scene(effects=frictional(), **arguments | {"diameter": 0.6 * scale}))
-    effect(sim, "coulomb_friction").mu_[0] = 0.0
-    effect(sim, "viscous_damping").c_[0] = 1.5
-    names = [name for name in ("radius", "diameter", "overlap_limit") if sim.grains.has(name)]
-    small = {name: getattr(sim.state, name).to_numpy() for name in names}
-    sim.search.grid.set_width(2.0 * small["radius"].max() / 0.6 + sim.skin)
-    rest = {"velocity": np.zeros((len(scale), 2)), "angular_velocity": np.zeros((len(scale), 1))}
-    for growth in np.append(np.linspace(1.0, 1.0 / 0.6, stages), np.full(40, 1.0 / 0.6)):
-        reload(sim, **{name: growth * value for name, value in small.items()}, **rest)
-        sim.run(steps)
-    state = {"position": sim.state.position.to_numpy()}
-    if sim.grains.has("orientation"):
-        turn = sim.state.orientation.to_numpy()
-        state["angle"] = np.arctan2(turn[:, 1], turn[:, 0])
-    return state
-
-
-if __name__ == "__main__":
-    np.savez(sys.argv[4], **grown(packing(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))))
