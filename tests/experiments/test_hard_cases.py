@@ -1,18 +1,22 @@
 """The list of hard cases and what the workflow makes of their values; `tests/hard` runs the cases."""
 
 import math
-from pathlib import Path
 
 import pytest
 
 import taichi_lsm as lsm
 from workflows import hard, hard_cases
 
-TESTS = Path(__file__).resolve().parents[1] / "hard"
-
 
 def row(case, precision, value, status, kind="steps", bound=2.0, reason=""):
-    texts = {"kind": kind, "title": case.title(), "why": "Why.", "measure": "way", "unit": "m", "reason": reason}
+    texts = {
+        "kind": kind,
+        "title": case.title(),
+        "why": "Why.",
+        "measure": "path length",
+        "unit": "m",
+        "reason": reason,
+    }
     numbers = {"value": value, "bound": bound, "margin": hard_cases.margin(value, bound), "seconds": 1.0}
     return {"case": case, "precision": precision, "status": hard_cases.STATUS.index(status), **texts, **numbers}
 
@@ -25,15 +29,13 @@ ROWS = [
 ]
 
 
-def test_there_are_many_cases_with_names_of_their_own_and_every_file_is_tested():
+def test_there_are_many_cases_with_names_of_their_own_and_texts():
     cases = [case for module in hard.modules() for case in hard.cases_of(module)]
     names = [case.name for case in cases]
     assert len(names) >= 30 and len(set(names)) == len(names)
     assert len({case.title for case in cases}) == len(cases)
     for case in cases:
         assert case.why and case.measure and not math.isnan(case.bound), case.name
-    for module in hard.modules():
-        assert (TESTS / f"test_{module}.py").exists(), module
 
 
 def test_cases_are_counted_once_and_one_failure_fails_a_case():

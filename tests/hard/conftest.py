@@ -2,11 +2,11 @@
 
 import pytest
 
-from tests.helpers.scenes import PRECISION
+from tests.helpers import scenes
 from workflows.hard import Bench
 
 
 @pytest.fixture(scope="module")
 def bench(runtime):
-    """One for the cases of a file: scenes of equal make-up share a simulation."""
-    return Bench(PRECISION)
+    """One for the cases of a file: scenes of equal KernelSpec share a simulation."""
+    return Bench(scenes.PRECISION)

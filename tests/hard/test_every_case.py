@@ -1,0 +1,35 @@
+"""Every hard case, in its quick form, respects its bound."""
+
+import pytest
+
+from tests.helpers import scenes
+from workflows import hard
+
+EXPENSIVE = {  # to compile or to run: `make validate` runs them
+    "creep_of_the_friction",
+    "creep_of_the_thickness",
+    "gas_of_stars",
+    "needles_in_a_crowd",
+    "orientations_stay_unit",
+    "polydisperse_shear",
+    "random_angular",
+    "stack_at_rest",
+    "static_above_dynamic",
+    "tiny_cycles",
+}
+CASES = {case.name: (kind, case) for kind in hard.modules() for case in hard.cases_of(kind)}
+RUNS = [
+    pytest.param(case, id=f"{kind}-{name}", marks=[pytest.mark.validate] if name in EXPENSIVE else [])
+    for name, (kind, case) in CASES.items()
+]
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_a_hard_case_respects_its_bound(bench, case):
+    if scenes.PRECISION == "f32" and case.excepted:
+        pytest.skip(case.excepted)
+    assert case.run(bench) <= case.bound_in(scenes.PRECISION)
+
+
+def test_what_is_expensive_is_a_case():
+    assert set(CASES) > EXPENSIVE
