@@ -1,12 +1,16 @@
 """Data files: found, complete and plausible."""
 
 import csv
+import re
 import tomllib
 
+import numpy as np
 import pytest
 
 import taichi_lsm as lsm
 from taichi_lsm.core.data_files import data_path, published_friction
+from workflows import shear_gouge
+from workflows.common.parameters import merge
 
 COLUMNS = ["source", "year", "conditions", "dimension", "shape", "mu", "kind", "reference", "note"]
 
@@ -40,23 +44,28 @@ def test_known_values_are_there():
     assert rotating == [0.30, 0.38]
 
 
-def test_example_scene():
-    scene = tomllib.loads(data_path("mair2002.toml").read_text(encoding="utf-8"))
-    assert scene == {
-        "dim": 2,
-        "shape": "sphere",
-        "smallest_diameter": 105e-6,
-        "largest_diameter": 149e-6,
-        "density": 2500.0,
-        "normal_stress": 5e6,
-        "layer_thickness": 24,
-        "length": 30,
-        "stiffness_number": 1000.0,
-        "inertial_number": 1e-3,
-        "friction": 0.5,
-    }
-    mean_diameter = (scene["smallest_diameter"] + scene["largest_diameter"]) / 2
-    assert 2e-3 <= scene["layer_thickness"] * mean_diameter <= 3.1e-3  # the laboratory's layers
+def test_the_example_builds_the_layer_of_its_source():
+    """Sizes and thickness are those of the published row; the file says all that is not the default."""
+    path = data_path("mair2002.toml")
+    params = merge(shear_gouge.Params, toml_path=path)
+    source = next(
+        row for row in published_friction() if (row["source"], row["shape"]) == ("Mair 2002", "smooth sphere")
+    )
+    low, high = (1e-6 * float(n) for n in re.search(r"narrow sizes (\d+)-(\d+) um", source["conditions"]).groups())
+    thin, thick = (1e-3 * float(n) for n in re.search(r"(\d)-(\d) mm layers", source["conditions"]).groups())
+    scene = shear_gouge.build(params)
+    diameter = scene.diameter[scene.platen_index < 0]
+    assert low <= diameter.min() < 1.02 * low and 0.98 * high < diameter.max() <= high
+    thickness, (length,) = params.layer
+    assert thin <= thickness <= 1.05 * thick and scene.lengths[0] == length
+    assert 0.75 < np.sum(0.25 * np.pi * diameter**2) / (thickness * length) < 0.85
+    elastic, friction = scene.effects[0], scene.effects[-1]
+    assert elastic.stiffness == pytest.approx(params.stiffness_number * params.normal_stress * params.diameter)
+    assert (friction.coefficient, scene.density) == (params.friction, 2500.0)
+    servo = scene.platens[1].drives[1]
+    assert servo.stress == params.normal_stress == 5e6
+    given = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert {name: getattr(params, name) for name in given} == given
 
 
 def test_first_folder_wins_and_missing_files_are_named(tmp_path):
