@@ -45,9 +45,9 @@ def angular(runtime):
     return scenes.simulate(scenes.scene(x, effects, dt=5e-5, **more))
 
 
-def support(shape, turn, n):
+def support(shape, orientation, n):
     """Greatest n . x of a chain's arcs that hold the body direction of n."""
-    c, s = turn
+    c, s = orientation
     u = np.array([c * n[0] + s * n[1], c * n[1] - s * n[0]])
     return np.max((shape.outline(200_000)) @ u)
 
@@ -56,9 +56,9 @@ def test_the_deepest_point_of_a_chain_is_that_of_its_outline(angular):
     sim = angular
     probe = Probe(sim)
     probe.measure()
-    x, turn = sim.scene.position, sim.scene.turns()
+    x, orientation = sim.scene.position, sim.scene.turns()
     for k, shape in enumerate(sim.scene.shapes):
-        depth = support(shape, turn[k], (0.0, -1.0)) - x[k, 1]
+        depth = support(shape, orientation[k], (0.0, -1.0)) - x[k, 1]
         assert probe.depth[k] == pytest.approx(depth, abs=1e-7)
         assert probe.arm[k][1] == pytest.approx(-x[k, 1] - 0.5 * depth, abs=1e-7)
 
@@ -102,13 +102,14 @@ def test_angular_grains_come_to_rest_on_a_flat_side(angular):
     probe = Probe(angular)
     probe.measure()
     weight = G / angular.state.inverse_mass.to_numpy()
-    turn = angular.state.orientation.to_numpy()
+    orientation = angular.state.orientation.to_numpy()
     for k in range(2, 8):
         shape = scene.shapes[k]
         assert probe.depth[k] == pytest.approx(weight[k] / K, rel=1e-2)
         assert abs(probe.arm[k][0]) < 1e-3
-        down = np.array([-turn[k, 1], -turn[k, 0]])  # of the world, seen from the body
-        holds = [np.cross(a, down) >= 0 > np.cross(b, down) for a, b in zip(shape.seam, np.roll(shape.seam, -1, 0))]
+        down = np.array([-orientation[k, 1], -orientation[k, 0]])  # of the world, seen from the body
+        across = shape.seam[:, 0] * down[1] - shape.seam[:, 1] * down[0]  # of each seam and this direction
+        holds = (across >= 0) & (np.roll(across, -1) < 0)
         assert shape.radius[np.flatnonzero(holds)[0]] > 1.0  # sides are arcs of large radius, corners of 0.05
 
 
@@ -162,17 +163,17 @@ def polyhedra(runtime):
     """Polyhedra over a floor, far apart, turned at random."""
     shapes = [lsm.sphere(), *lsm.random_angular_polyhedra(5, 2)]
     rng = np.random.default_rng(0)
-    turn = rng.normal(size=(6, 4))
+    orientation = rng.normal(size=(6, 4))
     x = np.stack([3.0 * np.arange(6), np.zeros(6), np.full(6, 0.85)], axis=1)
     floor = lsm.PlaneWall("floor", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     effects = effects_of(K, lsm.ViscousDamping(restitution=0.3), GlobalDamping(2.0), lsm.Gravity((0.0, 0.0, -G)))
-    more = {"orientation": turn / np.linalg.norm(turn, axis=1)[:, None], "walls": [floor]}
+    more = {"orientation": orientation / np.linalg.norm(orientation, axis=1)[:, None], "walls": [floor]}
     return scenes.scene(x, effects, shapes=shapes, shape_index=np.arange(6), dt=5e-5, **more)
 
 
-def body_down(turn):
+def body_down(orientation):
     """The direction (0, 0, -1) of the world, seen from bodies turned like this (n, 4)."""
-    w, x, y, z = turn.T
+    w, x, y, z = orientation.T
     return -np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
 
 
