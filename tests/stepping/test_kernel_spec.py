@@ -1,9 +1,10 @@
-"""A scene has the fields and bytes of what it lists, law by law; decided on the host, before anything is compiled."""
+"""A scene has the fields and bytes of the effects that it lists; decided on the host, before anything is compiled."""
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.contact.contact_block import contact_block_type
 from taichi_lsm.core.fields import bytes_per_row, orientation_size, rotation_size
 from taichi_lsm.effects import find_effects
 from taichi_lsm.stepping.kernel_spec import KernelSpec
@@ -12,20 +13,20 @@ from tests.helpers import scenes
 pytestmark = pytest.mark.usefixtures("runtime")
 
 REAL = 8 if scenes.PRECISION == "f64" else 4
-LAWS = find_effects()
+EFFECTS = find_effects()
 ELASTIC = [lsm.LinearElastic(1e5)]
 COMPANIONS = {"linear_elastic": [], "hertz": [], "mindlin": [lsm.Hertz(1e5, 0.25)]}  # others stand beside ELASTIC
 
 
 def case(name, dim):
-    """A law of this name that makes sense in a scene of this dimension beside its companions."""
+    """An effect of this name that makes sense in a scene of this dimension beside its companions."""
     if name == "gravity":
         return lsm.Gravity((0.0, -1.0, 0.0)[:dim])
-    return lsm.Mindlin(0.5, 1e5, 0.25) if name == "mindlin" else LAWS[name].cases()[0]
+    return lsm.Mindlin(0.5, 1e5, 0.25) if name == "mindlin" else EFFECTS[name].cases()[0]
 
 
 def rows(effects, dim, **more):
-    """{(table, row): bytes} of a scene of two touching grains with these laws."""
+    """{(table, row): bytes} of a scene of two touching grains with these effects."""
     scene = scenes.scene([(0.0,) * dim, (0.95,) + (0.0,) * (dim - 1)], effects, **more)
     made = KernelSpec.of(scene)
     sizes = {"space": dim, "rotation": rotation_size(dim), "orientation": orientation_size(dim), "two": 2}
@@ -35,8 +36,8 @@ def rows(effects, dim, **more):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("name", LAWS)
-def test_a_law_adds_its_own_rows_and_bytes_and_takes_them_away_again(name, dim):
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_adds_its_own_rows_and_bytes_and_takes_them_away_again(name, dim):
     effect, others = case(name, dim), COMPANIONS.get(name, ELASTIC)
     bonds = {"bonds": np.array([[0, 1]])} if effect.phase == "bond" else {}
     without, whole = rows(others, dim), rows([*others, effect], dim, **bonds)
@@ -47,7 +48,7 @@ def test_a_law_adds_its_own_rows_and_bytes_and_takes_them_away_again(name, dim):
         expected["grain", "dissipated"] = 8
     if effect.phase != "body" and effect.history_size(dim):
         expected["pair", "history"] = effect.history_size(dim) * REAL
-    if effect.phase == "tangential" or effect.adds_moment or effect.phase == "bond":  # grains turn
+    if effect.phase == "tangential" or effect.adds_moment or effect.phase == "bond":  # grains rotate
         expected |= {
             ("grain", "angular_velocity"): 8 * angular_velocity,
             ("grain", "inverse_inertia"): REAL * angular_velocity,
@@ -65,7 +66,7 @@ def test_a_law_adds_its_own_rows_and_bytes_and_takes_them_away_again(name, dim):
     assert set(without) <= set(whole)
 
 
-def test_frictionless_spheres_keep_neither_spins_nor_a_past():
+def test_frictionless_spheres_keep_neither_angular_velocities_nor_a_past():
     names = {name for _, name in rows(ELASTIC, 3)}
     assert not names & {
         "angular_velocity",
@@ -85,4 +86,7 @@ def test_what_is_not_in_the_scene_is_not_in_the_simulation(runtime):
     assert not any((sim.walls, sim.bonds, sim.platens, sim.surfaces, sim.parts))
     assert not sim.spec.sheared and not sim.spec.reaches and not sim.forces.adds_moment and not sim.forces.needs
     assert not hasattr(sim.forces.geometry, "reach") and not sim.forces.body_effects and not sim.forces.motion_effects
-    assert not sim.forces.block.members.keys() & {"memory_0", "spin_k_0", "torque_k_0", "reduced_radius", "lost_0"}
+    frictional = KernelSpec(dim=2, count=2, rotates=True, history=2)
+    every = contact_block_type(frictional, {"reduced_radius"}, channels=1, crosses_seams=False).members.keys()
+    extra = {"memory_0", "omega_k_0", "torque_k_0", "reduced_radius", "lost_0"}
+    assert extra <= every and not sim.forces.block.members.keys() & extra
