@@ -47,7 +47,7 @@ def test_scene_holds_the_state(state):
 
 
 def test_unknown_scene_is_named():
-    with pytest.raises(ValueError, match="S9_1.*S2_1000"):
+    with pytest.raises(ValueError, match=r"S9_1.*S2_1000"):
         scenes.load("S9_1")
 
 
@@ -248,5 +248,5 @@ def test_only_the_text_between_markers_is_replaced(tmp_path):
     assert page.write(file, {"one": "| new \\1 |\n", "two": "| none |"}) == ["one"]
     assert file.read_text() == "# A\n<!-- bench:one -->\n| new \\1 |\n<!-- /bench:one -->\nend \\1\n"
     assert page.replaced(text, "two", "| none |") == text
-    with pytest.raises(ValueError, match="bench:one.*0 closing"):
+    with pytest.raises(ValueError, match=r"bench:one.*0 closing"):
         page.replaced(text.replace("/bench", "/other"), "one", "x")

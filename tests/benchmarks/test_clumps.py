@@ -22,7 +22,7 @@ def test_clumps_are_what_they_say(state):
     np.testing.assert_allclose(state.mass, each * np.pi / 6 * state.d**3)
     for name in (f"{state.tag}.npz", f"{state.tag}_faces.npz"):
         assert (scenes.STATES / name).stat().st_size < 500_000
-    with pytest.raises(ValueError, match="P9.*P8_500"):
+    with pytest.raises(ValueError, match=r"P9.*P8_500"):
         clumps.load("P9")
 
 

@@ -26,29 +26,29 @@ FAR = np.array([0.0, 30.0, 0.0])
 
 def bond(**more):
     return lsm.ElasticBrittleBond(
-        **dict(youngs_modulus=YOUNG, poissons_ratio=POISSON, cohesion=COHESION, friction_angle=ANGLE) | more
+        **{"youngs_modulus": YOUNG, "poissons_ratio": POISSON, "cohesion": COHESION, "friction_angle": ANGLE} | more
     )
 
 
-# The law by itself
+# The force law by itself
 
 
 @ti.kernel
 def respond(dim: ti.template(), given: ti.types.ndarray(), out: ti.types.ndarray()):
-    """Energy, force on l, couples on k and l of bonds of stiffness 7, 3, 2, 1.5; a row of `given` holds u, the turn and
-    both axes, in four columns each."""
+    """Energy, force on l, moments on k and l of bonds of stiffness 7, 3, 2, 1.5; a row of `given` holds u, the
+    rotation and both axes, in four columns each."""
     stiffness = ti.Vector([7.0, 3.0, 2.0, 1.5], ti.f64)
     for i in range(given.shape[0]):
         u = ti.Vector([given[i, 0 + c] for c in range(dim)])
-        turn = ti.Vector([given[i, 4 + c] for c in range(2 if dim == 2 else 4)])
+        rotation = ti.Vector([given[i, 4 + c] for c in range(2 if dim == 2 else 4)])
         e_k = ti.Vector([given[i, 8 + c] for c in range(dim)])
         e_l = ti.Vector([given[i, 12 + c] for c in range(dim)])
-        out[i, 0] = bond_energy(u, turn, e_k, e_l, stiffness)
-        force, couple_k, couple_l = bond_reaction(u, turn, e_k, e_l, stiffness)
+        out[i, 0] = bond_energy(u, rotation, e_k, e_l, stiffness)
+        force, moment_k, moment_l = bond_reaction(u, rotation, e_k, e_l, stiffness)
         for c in ti.static(range(dim)):
             out[i, 1 + c] = force[c]
         for c in ti.static(range(1 if dim == 2 else 3)):
-            out[i, 4 + c], out[i, 7 + c] = couple_k[c], couple_l[c]
+            out[i, 4 + c], out[i, 7 + c] = moment_k[c], moment_l[c]
 
 
 def placed(dim, branch, q_k, q_l):
@@ -69,10 +69,10 @@ def response(dim, rows):
     return out
 
 
-@pytest.mark.parametrize("dim", (2, 3))
-@pytest.mark.parametrize("size", (1e-3, 0.7))
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("size", [1e-3, 0.7])
 def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
-    """To rounding at any strain, and so is the balance of torques; the law is exact, not linearised."""
+    """To rounding at any strain, and so is the balance of torques; the force law is exact, not linearised."""
     rng = np.random.default_rng(4)
     free = np.arange(3) if dim == 3 else np.arange(2)
     about = np.arange(3) if dim == 3 else np.array([2])
@@ -86,11 +86,11 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
     q_l = Rotation.from_rotvec(vector(about, size)) * q_k
     branch = q_k.apply([0.8, 0.6, 0.0]) + vector(free, size)
     row, arm_k, arm_l = placed(dim, branch, q_k, q_l)
-    energy, force, adds_moment = np.split(response(dim, [row])[0], [1, 4])
-    couple_k, couple_l = np.split(adds_moment, 2)
+    energy, force, moments = np.split(response(dim, [row])[0], [1, 4])
+    moment_k, moment_l = np.split(moments, 2)
     if dim == 2:
-        couple_k, couple_l = np.array([0, 0, couple_k[0]]), np.array([0, 0, couple_l[0]])
-    torque_k, torque_l = couple_k - np.cross(arm_k, force), couple_l + np.cross(arm_l, force)
+        moment_k, moment_l = np.array([0, 0, moment_k[0]]), np.array([0, 0, moment_l[0]])
+    torque_k, torque_l = moment_k - np.cross(arm_k, force), moment_l + np.cross(arm_l, force)
     h = 1e-5
     for wanted, axes, move in (
         (force, free, lambda a: (branch + a, q_k, q_l)),
@@ -112,13 +112,14 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
 
 
 @pytest.mark.parametrize(
-    "more, field",
+    ("more", "field"),
     [
         ({"youngs_modulus": -1.0}, "youngs_modulus"),
         ({"poissons_ratio": 0.6}, "poissons_ratio"),
         ({"cohesion": 0.0}, "cohesion"),
-    ]
-    + [({"friction_angle": 2.0}, "friction_angle"), ({"radius_ratio": np.inf}, "radius_ratio")],
+        ({"friction_angle": 2.0}, "friction_angle"),
+        ({"radius_ratio": np.inf}, "radius_ratio"),
+    ],
 )
 def test_wrong_numbers_are_refused(more, field):
     with pytest.raises(lsm.InputError, match=field):
@@ -178,7 +179,7 @@ class TipForce(Effect):
 def beam_scene():
     """Spheres in a row, the first glued, the last one a little heavier; far away a pair between the platens."""
     row = np.arange(LINKS + 1)[:, None] * [LENGTH, 0.0, 0.0]
-    x = np.concatenate([row, FAR + [[0, 0, 0], [LENGTH, 0, 0]]])
+    x = np.concatenate([row, [FAR, FAR + np.array([LENGTH, 0, 0])]])
     scale = np.ones(len(x))
     scale[LINKS] = 1.001
     platen = np.full(len(x), -1)
@@ -214,7 +215,7 @@ def restart(sim, scene, **columns):
     scenes.reload(sim, **rest | columns)
 
 
-@pytest.mark.parametrize("direction", ((1, 0, 0), (0, 1, 0), (0, 0, -1)))
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 1, 0), (0, 0, -1)])
 def test_a_row_of_bonded_grains_is_a_beam(beam, direction):
     """Euler-Bernoulli and the shear that the bonds have, with their section; extension."""
     size, direction = 40.0, np.array(direction)
@@ -282,10 +283,10 @@ def pairs_scene():
 
 
 def cluster_scene():
-    """Five bonded spheres that spin and drift, three more far away."""
+    """Five bonded spheres that rotate and drift, three more far away."""
     rng = np.random.default_rng(2)
     x = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (1, 1, 1), (0, 1, 1), (20, 0, 0), (0, 20, 0), (0, 0, 20)], float)
-    v = np.cross([0.5, 1.0, -0.7], x) + [0.1, 0.2, 0.3]
+    v = np.cross([0.5, 1.0, -0.7], x) + np.array([0.1, 0.2, 0.3])
     angular_velocity = np.array([0.5, 1.0, -0.7]) + rng.normal(size=x.shape)
     loose = np.arange(8) >= 5
     v[loose], angular_velocity[loose] = 0.0, 0.0
@@ -333,7 +334,7 @@ def test_pairs_break_at_their_strengths_and_the_energy_budget_closes(free):
     assert len(set(lsm.fragments(free))) == 8
 
 
-def test_a_spinning_cluster_keeps_its_momenta_and_its_energy(free):
+def test_a_rotating_cluster_keeps_its_momenta_and_its_energy(free):
     scene = cluster_scene()
     free.reset(scene)
     mass, inertia = scene.masses()

@@ -24,7 +24,9 @@ class Images:
             self.d[c] = self.domain.displacement(self.x_k[c], self.x_l[c])
 
 
-@pytest.mark.parametrize("lengths, periodic", [((3.0, np.inf), (True, False)), ((3.0, 5.0, 0.7), (True, True, False))])
+@pytest.mark.parametrize(
+    ("lengths", "periodic"), [((3.0, np.inf), (True, False)), ((3.0, 5.0, 0.7), (True, True, False))]
+)
 def test_displacement_goes_to_the_nearest_image(runtime, lengths, periodic):
     rng = np.random.default_rng(0)
     images = Images(Domain(lengths, periodic))
@@ -35,9 +37,9 @@ def test_displacement_goes_to_the_nearest_image(runtime, lengths, periodic):
     d, plain = images.d.to_numpy(), x_l - x_k
     for axis, (length, repeats) in enumerate(zip(lengths, periodic)):
         if repeats:
-            turns = (plain[:, axis] - d[:, axis]) / length
-            assert turns == pytest.approx(np.round(turns), abs=1e-13)
-            assert np.abs(turns).max() > 5
+            lengths_away = (plain[:, axis] - d[:, axis]) / length
+            assert lengths_away == pytest.approx(np.round(lengths_away), abs=1e-13)
+            assert np.abs(lengths_away).max() > 5
             assert np.abs(d[:, axis]).max() <= 0.5 * length * (1 + 1e-12)
         else:
             assert np.array_equal(d[:, axis], plain[:, axis])
@@ -60,5 +62,5 @@ def test_displacement_is_odd_but_on_the_border(runtime):
 def test_boxes_in_which_a_grain_could_meet_itself_are_refused():
     check_box((2.2, np.inf), (True, False), 1.0, 0.1)
     for length in (2.1999, np.inf, np.nan):
-        with pytest.raises(lsm.InputError, match="box axis y: length .* must be >= 2.2 m"):
+        with pytest.raises(lsm.InputError, match=r"box axis y: length .* must be >= 2.2 m"):
             check_box((9.0, length), (True, True), 1.0, 0.1)

@@ -1,8 +1,6 @@
 """Plane walls: impacts, rolling, rest, energy, and the same bits however the grains are stored."""
 
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,8 +13,8 @@ from taichi_lsm.effects.global_damping import GlobalDamping
 from taichi_lsm.effects.rolling_resistance import RollingResistance
 from taichi_lsm.effects.viscous_damping import damping_ratio_of
 from tests.helpers import scenes
+from tests.helpers.processes import run_module
 
-ROOT = Path(__file__).resolve().parents[2]
 K = 1e8
 G = 9.81
 SIDE = 10.0
@@ -50,7 +48,7 @@ def box_of_discs(**more):
 
 
 def settings(sim, walls=BOX, restitution=1.0, friction=0.3, rolling=0.0, drag=0.0, gravity=(0.0, -G)):
-    """Other values of the laws and walls, for the next `reload`."""
+    """Other values of the effects and walls, for the next `reload`."""
     sim.scene.walls = walls
     scenes.effect(sim, "viscous_damping").c_[0] = 2.0 * damping_ratio_of(restitution)
     scenes.effect(sim, "coulomb_friction").mu_[0] = friction
@@ -117,7 +115,7 @@ def test_free_fall_and_restitution(discs, e):
 
 
 def test_impacts_on_walls_are_of_high_order(discs):
-    """Impulses where the contact begins and ends: Verlet alone errs by a part 1e-3 with 20 steps per impact."""
+    """Impulses where the contact begins and ends: plain Verlet errs by 1e-3 with 20 steps per impact."""
     settings(discs, HALL, friction=0.0, gravity=(0.0, 0.0))
     error = []
     for steps in (20.3, 40.3):
@@ -135,9 +133,9 @@ def test_work_of_a_moving_wall_is_what_the_grain_gains(discs):
     settings(discs, [lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0), (0.7, 1.0)), *HALL[1:]], gravity=(0.0, 0.0))
     r, mass = one(discs, 0.65, (0.7, -3.0), steps=20.3)
     before = sum(scenes.energy(discs))
-    meeting = (0.65 - r) / 4.0 / discs.dt
+    first_touch = (0.65 - r) / 4.0 / discs.dt
     for steps, gain, error in ((10.15, None, 5e-3), (20.3, 0.5 * mass * (5.0**2 - 3.0**2), 4e-5)):
-        discs.run(int(meeting + steps + 5 * (gain is not None)) - discs.step)
+        discs.run(int(first_touch + steps + 5 * (gain is not None)) - discs.step)
         work = discs.walls.snapshot()["work"][0]
         assert work == pytest.approx(sum(scenes.energy(discs)) - before, rel=error)
         assert gain is None or work == pytest.approx(gain, rel=error)
@@ -155,7 +153,7 @@ def test_a_sliding_disc_ends_rolling_at_two_thirds_of_its_speed(discs):
     assert v[0] == pytest.approx(2.0, rel=5e-3) and -angular_velocity * r == pytest.approx(2.0, rel=5e-3)
 
 
-@pytest.mark.parametrize("slope, rolls", [(0.9, False), (1.1, True)])
+@pytest.mark.parametrize(("slope", "rolls"), [(0.9, False), (1.1, True)])
 def test_rolling_resistance_holds_up_to_its_slope(discs, slope, rolls):
     """M <= mu_r R F_n, R that of the disc: the wall has no curvature. A tilted gravity stands for a tilted floor."""
     angle = np.arctan(0.1 * slope)
@@ -221,12 +219,12 @@ def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, m
     assert not same(state(discs), reference)
 
 
+@pytest.mark.validate  # two processes; test_bits.py and test_rubble.py compare threads in `make test`
 def test_bits_do_not_depend_on_threads(tmp_path):
     digests = []
     for threads in (1, 2):
         file = tmp_path / f"{threads}.json"
-        command = [sys.executable, "-m", "tests.boundaries.test_plane_walls", str(file), str(threads)]
-        subprocess.run(command, cwd=ROOT, check=True, env=os.environ)
+        run_module("tests.boundaries.test_plane_walls", file, threads)
         digests.append(json.loads(file.read_text(encoding="utf-8")))
     assert digests[0] == digests[1]
     assert digests[0]["work"][3] > 0.0
@@ -241,23 +239,23 @@ def test_walls_that_make_no_sense_are_refused():
         walls(lsm.PlaneWall("floor", (0.0, 0.5), (0.0, 1.0)))
     with pytest.raises(lsm.InputError, match="all different"):
         walls(FLOOR, FLOOR)
-    with pytest.raises(lsm.InputError, match="wall 'a': normal = .*, must not be zero"):
+    with pytest.raises(lsm.InputError, match=r"wall 'a': normal = .*, must not be zero"):
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 0.0)))
-    with pytest.raises(lsm.InputError, match="wall 'a': velocity = .*, must be 2 finite numbers"):
+    with pytest.raises(lsm.InputError, match=r"wall 'a': velocity = .*, must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), 3.0))
     with pytest.raises(lsm.InputError, match="wall 'a': point = 'origin', must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", "origin", (0.0, 1.0)))
     with pytest.raises(lsm.InputError, match="zero along periodic axes"):
         walls(BOX[1], lengths=(9.0, np.inf), periodic=(True, False))
+    clump = lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
     with pytest.raises(lsm.InputError, match="no single deepest point"):
-        clump = lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
         walls(FLOOR, shapes=[clump], effects=[lsm.LinearElastic(K)])
     walls(FLOOR, lengths=(9.0, np.inf), periodic=(True, False))
 
 
 def test_velocity_that_makes_no_sense_is_refused(discs):
     settings(discs, HALL)
-    with pytest.raises(lsm.InputError, match="wall 'nowhere': no such wall, must be one of .*'floor'"):
+    with pytest.raises(lsm.InputError, match=r"wall 'nowhere': no such wall, must be one of .*'floor'"):
         discs.walls.set_velocity("nowhere", (0.0, 0.0))
     with pytest.raises(lsm.InputError, match="wall 'floor': velocity = 'fast', must be 2 finite numbers"):
         discs.walls.set_velocity("floor", "fast")

@@ -1,4 +1,4 @@
-"""Platens: fixed, at constant velocity with a ramp, under servo-controlled stress; and the work they book."""
+"""Platens: fixed, at constant velocity with a ramp, under servo-controlled stress; and their work."""
 
 import numpy as np
 import pytest
@@ -99,14 +99,14 @@ def test_press_in_flight_falls_at_the_speed_limit_and_settles(press):
     assert np.all(np.abs(speeds) <= LIMIT)
     assert np.max(forces) < 3 * STRESS
     assert forces[-1] == pytest.approx(STRESS, rel=1e-5)
-    # what the drag and the speed limit took is booked: the press came down with the work of its load
+    # what the drag and the speed limit took is accounted for: the press came down with the work of its load
     now = press.platens.snapshot()
     stored, lost = column_energy(press)
     assert now["work"][PRESS, 1] == pytest.approx(STRESS * (1.0 + 3 * STRESS / K), rel=1e-6)
     assert stored + lost + now["dissipated"][PRESS, 1] == pytest.approx(now["work"][PRESS, 1], rel=2e-3)
 
 
-def test_constant_velocity_is_reached_by_a_ramp_and_its_work_is_booked(press):
+def test_constant_velocity_is_reached_by_a_ramp_and_its_work_is_accounted_for(press):
     restart(press)
     press.run(125)
     now = press.platens.snapshot()
@@ -150,14 +150,14 @@ def test_drive_of_another_kind_is_refused(press):
 
 
 def test_drive_of_a_platen_or_an_axis_that_there_is_not_is_refused(press):
-    with pytest.raises(lsm.InputError, match="platen 'lid': no such platen, must be one of .*'press'"):
+    with pytest.raises(lsm.InputError, match=r"platen 'lid': no such platen, must be one of .*'press'"):
         press.platens.set("lid", 1, servo(STRESS))
     with pytest.raises(lsm.InputError, match="platen 'press', axis 2: must be one of"):
         press.platens.set("press", 2, servo(STRESS))
 
 
 @pytest.mark.parametrize(
-    "make, field",
+    ("make", "field"),
     [
         (lambda: lsm.ConstantVelocity(np.nan), "velocity"),
         (lambda: lsm.ConstantVelocity("fast"), "velocity"),
@@ -177,7 +177,7 @@ def test_values_out_of_range_name_the_drive_and_the_field(make, field):
 
 
 @pytest.mark.parametrize(
-    "platens, message",
+    ("platens", "message"),
     [
         ([lsm.Platen("wall", [lsm.Fixed()])], "'wall': 1 drives"),
         ([lsm.Platen("wall", [lsm.Fixed(), 0.5])], "'wall': drive 0.5, must be one of .*'Fixed'"),

@@ -1,17 +1,14 @@
 """The homogeneously sheared cell: images that move, their neighbours, stresses, momentum and energy."""
 
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
 from tests.helpers import scenes
+from tests.helpers.processes import run_module
 
-ROOT = Path(__file__).resolve().parents[2]
 K = scenes.STIFFNESS
 RATE = 0.4
 WIDE, HIGH = 11.0, 9.0
@@ -29,7 +26,7 @@ def pair(arcs):
     return scenes.scene([(3.0, 3.0), (6.0, 6.0)], scenes.frictional(100 * K), shear_rate=RATE, dt=1e-4, **more)
 
 
-@pytest.mark.parametrize("arcs", [False, True])
+@pytest.mark.parametrize("arcs", [False, pytest.param(True, marks=pytest.mark.validate)])
 def test_grains_collide_across_the_border_as_inside(runtime, arcs):
     """The same two grains, moved along y and seen with the mean flow there, the second one by its image."""
     sim = scenes.simulate(pair(arcs))
@@ -76,7 +73,7 @@ def dense(runtime):
 
 def start(sim, shift=0.0):
     """Shear from the packing, every grain moved along y."""
-    x = sim.scene.position + [0.0, shift]
+    x = sim.scene.position + np.array([0.0, shift])
     scenes.reload(sim, position=x, velocity=sim.domain.mean_flow(x), angular_velocity=np.zeros((len(x), 1)))
 
 
@@ -173,13 +170,13 @@ def test_the_border_may_be_anywhere(dense):
     assert series[0][10:, 0, 1].mean() < -0.1 * pressure  # resists the motion of the image above
 
 
-@pytest.mark.parametrize("body", ["discs", pytest.param("arcs", marks=pytest.mark.validate)])
+@pytest.mark.validate  # two processes; test_bits.py and test_rubble.py compare threads in `make test`
+@pytest.mark.parametrize("body", ["discs", "arcs"])
 def test_bits_depend_neither_on_threads_nor_on_the_skin(tmp_path, body):
     found = []
     for threads, skin in (("1", "0.05"), ("2", "0.15")):
         file = tmp_path / f"{threads}.npz"
-        command = [sys.executable, "-m", "tests.boundaries.test_sheared_cell", str(file), threads, skin, body]
-        subprocess.run(command, cwd=ROOT, check=True, env=os.environ)
+        run_module("tests.boundaries.test_sheared_cell", file, threads, skin, body)
         with np.load(file) as arrays:
             found.append(dict(arrays))
     assert found[0]["rebuilds"] > 2 * found[1]["rebuilds"] > 4
@@ -197,7 +194,7 @@ def test_what_cannot_be_sheared_is_refused():
         cell(periodic=(True, False))
     with pytest.raises(lsm.InputError, match="with platens, which would not take part in the mean flow"):
         cell(platens=[lsm.Platen("top", [lsm.Fixed(), lsm.Fixed()])])
-    with pytest.raises(lsm.InputError, match="with .'gravity'., which would change the mean flow"):
+    with pytest.raises(lsm.InputError, match=r"with .'gravity'., which would change the mean flow"):
         cell([lsm.Gravity((0.0, -9.81))])
     with pytest.raises(lsm.InputError, match="ExplicitEuler, which does not account for the work"):
         cell(integrator=lsm.ExplicitEuler)

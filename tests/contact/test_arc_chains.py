@@ -4,74 +4,30 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.core.runtime import ti
 from tests.helpers import scenes
+from tests.helpers.contact_probe import ContactProbe
+from tests.helpers.supports import support_of_arcs, unit
 
 PAIRS = 1000
 GRID = 512
 STIFFNESS = 1e5
 
 
-@ti.data_oriented
-class Probe:
-    """The geometry of every listed contact, as the force loop sees it."""
-
-    def __init__(self, sim):
-        self.forces, self.pairs, self.dim = sim.forces, sim.pairs, sim.grains.dim
-        self.found = ti.Vector.field(2 + 1 + 3 * self.dim, ti.f64, sim.pairs.capacity)
-
-    @ti.kernel
-    def measure(self):
-        g, pairs = self.forces.grains, self.pairs
-        for k in range(g.count[None]):
-            for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                l = pairs.second_slot[s]
-                depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, self.forces.geometry.shortest(k, l), 1)
-                self.found[s][0], self.found[s][1], self.found[s][2] = g.id[k], g.id[l], depth
-                for axis in ti.static(range(self.dim)):
-                    self.found[s][3 + axis] = n[axis]
-                    self.found[s][3 + self.dim + axis] = arm_k[axis]
-                    self.found[s][3 + 2 * self.dim + axis] = arm_l[axis]
-
-    def rows(self):
-        """depth (p,), normal, arm_k, arm_l (p, dim) of the pairs (0, 1), (2, 3), ... in this order."""
-        self.measure()
-        used = self.pairs.row_start.to_numpy().max()
-        rows = self.found.to_numpy()[:used]
-        rows = rows[np.argsort(rows[:, 0])]
-        assert np.array_equal(rows[:, :2], np.arange(2 * len(rows)).reshape(-1, 2))
-        return rows[:, 2], *np.split(rows[:, 3:], 3, axis=1)
-
-
-def unit(angle):
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-
-
-def support(shape, angle):
-    """h(n) in the body frame at these angles of n, straight from the arc whose cone holds n."""
-    if shape.patch_count == 1:
-        return np.full(angle.shape, shape.radius[0])
-    first = np.arctan2(shape.seam[:, 1], shape.seam[:, 0]) % (2 * np.pi)
-    order = np.argsort(first)
-    arc = order[np.searchsorted(first[order], angle % (2 * np.pi), side="right") - 1]
-    return np.sum(shape.centre[arc] * unit(angle), axis=-1) + shape.radius[arc]
-
-
-def separation(shapes, scale, turn, c, angle):
+def separation(shapes, scale, rotation_angle, c, angle):
     """s at the directions `angle` (m,) [rad] for grains at 0 and c."""
-    h_a = scale[0] * support(shapes[0], angle - turn[0])
-    h_b = scale[1] * support(shapes[1], angle + np.pi - turn[1])
+    h_a = scale[0] * support_of_arcs(shapes[0], angle - rotation_angle[0])
+    h_b = scale[1] * support_of_arcs(shapes[1], angle + np.pi - rotation_angle[1])
     return h_a + h_b - unit(angle) @ c
 
 
-def least(shapes, scale, turn, c):
+def least(shapes, scale, rotation_angle, c):
     """(depth, angle of n): the grid's minimum, refined by golden section to the rounding of s."""
     grid = 2 * np.pi / GRID * np.arange(GRID)
-    best = grid[np.argmin(separation(shapes, scale, turn, c, grid))]
+    best = grid[np.argmin(separation(shapes, scale, rotation_angle, c, grid))]
     low, high = best - 2 * np.pi / GRID, best + 2 * np.pi / GRID
     for _ in range(5):  # each pass of 65 points shrinks the bracket by 32
         points = np.linspace(low, high, 65)
-        values = separation(shapes, scale, turn, c, points)
+        values = separation(shapes, scale, rotation_angle, c, points)
         best = points[np.argmin(values)]
         width = points[1] - points[0]
         low, high = best - width, best + width
@@ -83,14 +39,14 @@ def overlapping_pairs(rng, table):
     shape = np.concatenate([rng.integers(0, len(table), (PAIRS - 300, 2)), np.zeros((300, 2), int)])
     shape[-300:, 1] = rng.integers(1, len(table), 300)  # a plain disc against a chain
     scale = rng.uniform(0.7, 1.4, (PAIRS, 2))
-    turn = rng.uniform(0, 2 * np.pi, (PAIRS, 2))
+    rotation_angle = rng.uniform(0, 2 * np.pi, (PAIRS, 2))
     wanted = 10 ** rng.uniform(-6, np.log10(0.06), PAIRS)
     towards = unit(rng.uniform(0, 2 * np.pi, PAIRS))
     c, depth, angle = np.zeros((PAIRS, 2)), np.zeros(PAIRS), np.zeros(PAIRS)
     for p in range(PAIRS):
         pair, reach = (table[shape[p, 0]], table[shape[p, 1]]), scale[p].sum()
         for _ in range(12):
-            depth[p], angle[p] = least(pair, scale[p], turn[p], reach * towards[p])
+            depth[p], angle[p] = least(pair, scale[p], rotation_angle[p], reach * towards[p])
             if abs(depth[p] - wanted[p]) < 1e-3 * wanted[p]:
                 break
             reach += (depth[p] - wanted[p]) / (unit(angle[p]) @ towards[p])
@@ -101,7 +57,7 @@ def overlapping_pairs(rng, table):
             "position": np.stack([centre, centre + c], axis=1).reshape(-1, 2),
             "shape_index": shape.ravel(),
             "diameter": scale.ravel(),
-            "angle": turn.ravel(),
+            "angle": rotation_angle.ravel(),
         },
         depth,
         angle,
@@ -119,12 +75,13 @@ def table():
 def pairs(runtime, table):
     arguments, depth, angle, c = overlapping_pairs(np.random.default_rng(11), table)
     sim = scenes.simulate(scenes.scene(effects=[lsm.LinearElastic(STIFFNESS)], shapes=table, **arguments))
-    return sim, Probe(sim), arguments, depth, angle, c
+    return sim, ContactProbe(sim), arguments, depth, angle, c
 
 
+@scenes.both_precisions
 def test_depth_and_normal_are_those_of_the_least_separation(pairs):
     sim, probe, arguments, expected, angle, c = pairs
-    depth, n, arm_k, arm_l = probe.rows()
+    depth, n, arm_k, arm_l, _ = probe.rows()
     assert np.all(expected > 0)
     assert np.abs(depth - expected).max() < scenes.tolerance(1e-12, 1e-5)
     # s is stationary at the minimum, so the brute-force angle is good to sqrt(1e-15 d/curvature radius) only
@@ -146,12 +103,12 @@ def test_depth_and_normal_are_those_of_the_least_separation(pairs):
 def support_of(sim, arguments, grain, angle):
     """h of a grain of the scene at world directions [m]."""
     shape = sim.scene.shapes[arguments["shape_index"][grain]]
-    return arguments["diameter"][grain] * support(shape, angle - arguments["angle"][grain])
+    return arguments["diameter"][grain] * support_of_arcs(shape, angle - arguments["angle"][grain])
 
 
 def test_forces_torques_and_energy_of_the_contacts(pairs):
     sim, probe, arguments, depth, angle, c = pairs
-    _, n, arm_k, arm_l = probe.rows()
+    _, n, arm_k, arm_l, _ = probe.rows()
     sums = sim.measure.sums()
     assert sums["contact_count"] == PAIRS
     assert sums["elastic_energy"] == pytest.approx(0.5 * STIFFNESS * np.sum(depth**2), rel=1e-11)
@@ -176,15 +133,20 @@ def test_disc_cut_into_arcs_has_the_contacts_of_the_disc(pairs, table, arcs):
     place = arguments["position"].reshape(-1, 2, 2).copy()
     place[:, 1] = place[:, 0] + (0.5 * scale.sum(axis=1) - depth)[:, None] * towards
     rest = np.zeros((2 * PAIRS, 2))
-    turn = np.where(rng.random(2 * PAIRS) < 0.5, 0.0, arguments["angle"])
+    rotation_angle = np.where(rng.random(2 * PAIRS) < 0.5, 0.0, arguments["angle"])
     before = {name: getattr(sim.state, name).to_numpy() for name in ("shape_index", "radius", "overlap_limit")}
     before |= {"orientation": unit(arguments["angle"]), "position": arguments["position"]}
     half = {"radius": 0.5 * scale.ravel(), "overlap_limit": 0.5 * scale.ravel()}
     try:
         scenes.reload(
-            sim, position=place.reshape(-1, 2), shape_index=kind.ravel(), orientation=unit(turn), velocity=rest, **half
+            sim,
+            position=place.reshape(-1, 2),
+            shape_index=kind.ravel(),
+            orientation=unit(rotation_angle),
+            velocity=rest,
+            **half,
         )
-        found, n, arm_k, arm_l = probe.rows()
+        found, n, arm_k, _, _ = probe.rows()
         apart = place[:, 1] - place[:, 0]
         distance = np.linalg.norm(apart, axis=1)
         assert np.abs(found - (0.5 * scale.sum(axis=1) - distance)).max() < 1e-12
@@ -203,6 +165,8 @@ def test_depth_beyond_the_overlap_limit_names_the_grains(pairs, table):
     inwards = place[victim, 0] - place[victim, 1]
     place[victim, 1] += 0.4 * inwards
     rest = np.zeros((2 * PAIRS, 2))
-    with pytest.raises(lsm.SimulationError, match=f"grains {2 * victim} and {2 * victim + 1}.*overlap reached the limit"):
+    with pytest.raises(
+        lsm.SimulationError, match=f"grains {2 * victim} and {2 * victim + 1}.*overlap reached the limit"
+    ):
         scenes.reload(sim, position=place.reshape(-1, 2), velocity=rest)
     scenes.reload(sim, position=arguments["position"], velocity=rest)

@@ -40,7 +40,7 @@ def outward(dim, rng):
 
 
 def surface(shape, n):
-    """Points (m, dim) of the surface with outward normals n, from the patches alone in 2D."""
+    """Points (m, dim) of the surface with outward normals n, in 2D from the patches only."""
     if hasattr(shape, "support_points"):
         return shape.support_points(n)
     centre, radius, axis, half_angle = shape.patches()
@@ -106,7 +106,7 @@ def rolling(dim):
 
 
 @pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validate)])  # compiles for long in 3D
-def test_friction_crosses_seams_without_a_jump_and_its_work_is_booked(runtime, dim):
+def test_friction_crosses_seams_without_a_jump_and_its_work_is_accounted_for(runtime, dim):
     sim = scenes.simulate(rolling(dim))
     sim.run(6000)  # settled
     stored, lost = scenes.energy(sim)

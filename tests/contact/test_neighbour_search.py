@@ -1,5 +1,7 @@
 """The neighbour list against every pair tested one by one, and what pairs remember across rebuilds."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -106,7 +108,7 @@ def test_list_holds_every_near_pair_once_in_order(finders, dim, case):
         assert len(expected) > 30
         assert np.array_equal(listed[np.lexsort(listed.T[::-1])], expected)
         starts = finder.pairs.row_start.to_numpy()[: COUNT + 1]
-        for a, b in zip(starts[:-1], starts[1:]):
+        for a, b in itertools.pairwise(starts):
             assert np.all(np.diff(listed[a:b, 1]) > 0)
         if case == "crowded":  # rows that were not noted whole while they were counted
             assert np.diff(starts).max() > BUFFER
@@ -124,7 +126,7 @@ def test_transpose_lists_every_entry_at_its_partner_in_rising_ids(finders, dim):
     partner_slot = np.repeat(np.arange(COUNT), np.diff(starts))
     assert np.array_equal(listed[column, 1], grains.id.to_numpy()[partner_slot])
     assert np.array_equal(pairs.second_slot.to_numpy()[column], partner_slot)
-    for a, b in zip(starts[:-1], starts[1:]):
+    for a, b in itertools.pairwise(starts):
         assert np.all(np.diff(listed[column[a:b], 0]) > 0)
 
 

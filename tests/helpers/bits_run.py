@@ -1,6 +1,7 @@
 """Runs a sheared layer of discs in a process of its own and writes its state: started by test_bits.py.
 
-Usage: python bits_run.py FILE STEPS THREADS PATH SKIN WIDTH, PATH alone | shared, SKIN in diameters, WIDTH of a block.
+Usage: python -m tests.helpers.bits_run FILE STEPS THREADS PATH SKIN WIDTH
+PATH alone | shared: by one thread or a team; SKIN in diameters; WIDTH of a contact block.
 """
 
 import hashlib

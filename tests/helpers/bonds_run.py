@@ -17,7 +17,7 @@ YOUNG = 2e7
 
 
 def rubble(parallel=None, columns=3, rows=3):
-    """columns x rows aggregates with random velocities in a periodic square; they break when they meet."""
+    """columns x rows aggregates with random velocities in a periodic square; they break when they collide."""
     rng = np.random.default_rng(8)
     kinds = [lsm.angular_aggregate(PIECES, seed, corner_radius=0.1) for seed in range(3)]
     pitch = 1.02 * 2.0 * max(kind.reach for kind in kinds)
@@ -25,13 +25,13 @@ def rubble(parallel=None, columns=3, rows=3):
     shapes = [shape for kind in kinds for shape in kind.shapes]
     shape, position, scale, angle, velocity, bonds = [], [], [], [], [], []
     for a, cell in enumerate(np.ndindex(columns, rows)):
-        kind, turn = kinds[a % 3], rng.uniform(0, 2 * np.pi)
-        c, s = np.cos(turn), np.sin(turn)
+        kind, angle_of_all = kinds[a % 3], rng.uniform(0, 2 * np.pi)
+        c, s = np.cos(angle_of_all), np.sin(angle_of_all)
         bonds.append(kind.pairs + a * PIECES)
         shape.append(np.arange(PIECES) + a % 3 * PIECES)
         position.append(size * (kind.position @ [[c, s], [-s, c]] + pitch * np.array(cell)))
         scale.append(size * kind.diameter)
-        angle.append(np.full(PIECES, turn))
+        angle.append(np.full(PIECES, angle_of_all))
         velocity.append(np.broadcast_to(rng.uniform(-1.5, 1.5, 2), (PIECES, 2)))
     return lsm.Scene(
         dim=2,

@@ -1,4 +1,4 @@
-"""Many sliders at once, each one contact under a constant normal force: a bench for laws of friction in 2D and 3D."""
+"""Many sliders at once, each one contact under a constant normal force: a bench for friction in 2D and 3D."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ class Sliders:
 
     The slip is along x, the normal along y. Fields per slider: force [N] that resists, lowest and highest since the
     last call, lost [J], velocity of the block [m s-1], stretch [m] and stiffness [N m-1] of its spring, load [m s-1]:
-    velocity of the surface or the load point, dt [s]; history as the law lays it out.
+    velocity of the surface or the load point, dt [s]; history as the effect lays it out.
     """
 
     def __init__(self, effect, count, normal_force=1.0, dim=2, mass=1.0):

@@ -8,6 +8,7 @@ import pytest
 import taichi_lsm as lsm
 from taichi_lsm.measure.sheared_layer import layer_rows
 from tests.helpers import scenes
+from tests.helpers.supports import support_of_arcs
 
 COLUMNS, ROWS, STRESS, K = 14, 18, 1000.0, 2e5
 
@@ -110,9 +111,8 @@ def touching_outlines(sim, place):
     angle = np.arctan2(orientation[:, 1], orientation[:, 0])
     grid = 2 * np.pi / 4096 * np.arange(4096)
     n = np.stack([np.cos(grid), np.sin(grid)], axis=1)
-    h = np.array(
-        [scene.diameter[k] * support(scene.shapes[scene.shape_index[k]], grid - angle[k]) for k in range(len(place))]
-    )
+    shapes = [scene.shapes[index] for index in scene.shape_index]
+    h = np.array([scene.diameter[k] * support_of_arcs(shapes[k], grid - angle[k]) for k in range(len(place))])
     opposite = np.roll(h, -2048, axis=1)  # h(-n)
     for a in range(len(place)):
         for b in range(a + 1, len(place)):
@@ -120,16 +120,6 @@ def touching_outlines(sim, place):
             c[0] -= COLUMNS * np.round(c[0] / COLUMNS)
             if c @ c < 1.5 and (h[a] + opposite[b] - n @ c).min() > 0:
                 yield a, b
-
-
-def support(shape, angle):
-    """h(n) of a shape in its body frame."""
-    if shape.patch_count == 1:
-        return np.full(angle.shape, shape.radius[0])
-    first = np.arctan2(shape.seam[:, 1], shape.seam[:, 0]) % (2 * np.pi)
-    order = np.argsort(first)
-    arc = order[np.searchsorted(first[order], angle % (2 * np.pi), side="right") - 1]
-    return np.sum(shape.centre[arc] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), axis=-1) + shape.radius[arc]
 
 
 def test_shear_closes_its_energy_budget(consolidated):

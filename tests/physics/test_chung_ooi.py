@@ -1,7 +1,8 @@
-"""The eight benchmark impacts of Chung & Ooi (2011), Granular Matter 13, 643, with the laws of Hertz and Mindlin.
+"""The eight benchmark impacts of Chung & Ooi (2011), Granular Matter 13, 643, with Hertz and Mindlin contacts.
 
 All pairs of a test fly in one scene, far apart, and all tests use one compiled simulation. Where the paper gives one
-number the test holds it; elsewhere the closed form. Spheres hit from the left (x), slip and spin are in the x-y plane.
+number the test holds it; elsewhere the closed form. Spheres hit from the left (x), slip and rotation
+are in the x-y plane.
 """
 
 from dataclasses import dataclass
@@ -41,7 +42,7 @@ class Material:
 
 @dataclass
 class Impacts:
-    """Two spheres each, one value per impact: radii [m], velocities (n, 2) [m s-1], spins about z [rad s-1]."""
+    """Two spheres each, one value per impact: radii [m], velocities (n, 2) [m s-1], rotation about z [rad s-1]."""
 
     radius: tuple
     velocity: tuple = ((0.0, 0.0), (0.0, 0.0))
@@ -65,7 +66,7 @@ def wall(radius):
 
 @dataclass
 class Outcome:
-    """Per impact: velocities (n, 2, 2), spins (n, 2), peak overlap [m] and force [N], duration [s], mass [kg]."""
+    """Per impact: velocity (n, 2, 2), rotation about z (n, 2), peak overlap [m], force [N]; duration [s]; mass [kg]."""
 
     velocity: np.ndarray
     angular_velocity: np.ndarray
@@ -140,7 +141,7 @@ ALLOY = Material(70e9, 0.33, 2700.0, friction=0.4, restitution=0.5)
 
 
 @pytest.mark.parametrize(
-    "material, force, overlap, duration",
+    ("material", "force", "overlap", "duration"),
     [(GLASS, 10.70e3, 274.1e-6, 40.34e-6), (LIMESTONE, 7.108e3, 368.3e-6, 54.20e-6)],
 )
 def test_1_two_spheres(material, force, overlap, duration):
@@ -152,7 +153,7 @@ def test_1_two_spheres(material, force, overlap, duration):
 
 
 @pytest.mark.parametrize(
-    "material, force, overlap, duration",
+    ("material", "force", "overlap", "duration"),
     [(ALUMINIUM, 11.37e3, 49.72e-6, 731.7e-6), (MAGNESIUM, 7.233e3, 52.12e-6, 767.1e-6)],
 )
 def test_2_sphere_and_rigid_wall(material, force, overlap, duration):
@@ -217,7 +218,9 @@ def test_5_oblique_impact_at_one_normal_velocity():
     slides = x > 8
     assert y[slides] == pytest.approx(x[slides] - 7, rel=0.02)
     exact = foundation(STEEL, radius, v_n, v[:, 1]) / (mu * v_n)
-    assert y == pytest.approx(exact, abs=0.23)  # the law's own error where the normal force changes without full slip
+    assert y == pytest.approx(
+        exact, abs=0.23
+    )  # the force law's own error where the normal force changes without full slip
 
 
 def surface_speed_ratio(v_s, v_n):
@@ -225,7 +228,7 @@ def surface_speed_ratio(v_s, v_n):
     return -1 + 3.5 * ALLOY.friction * (1 + ALLOY.restitution) * v_n / v_s
 
 
-def test_6_spinning_sphere_on_a_wall():
+def test_6_rotating_sphere_on_a_wall():
     radius, v_n = 0.1, 0.2
     omega = np.array([8.0, 10.0, 15.0, 24.0])
     out = collide(ALLOY, Impacts((radius, wall(radius)), ((v_n, 0.0), (0.0, 0.0)), (omega, 0.0)))
@@ -234,7 +237,7 @@ def test_6_spinning_sphere_on_a_wall():
     assert np.abs(out.velocity[:, 0, 1]) == pytest.approx(ALLOY.friction * 1.5 * v_n, rel=0.02)
 
 
-def test_7_two_spheres_of_opposite_spins_roll_on_each_other():
+def test_7_two_spheres_of_opposite_rotation_roll_on_each_other():
     omega = np.array([1.0, 10.0, 30.0])
     out = collide(ALLOY, Impacts((0.1, 0.1), ((0.2, 0.0), (-0.2, 0.0)), (omega, -omega)))
     assert np.abs(out.velocity[:, :, 1]).max() < 1e-9
@@ -246,7 +249,7 @@ def test_7_two_spheres_of_opposite_spins_roll_on_each_other():
 
 @pytest.mark.parametrize("other", [0.1, 0.5])
 def test_8_unequal_spheres(other):
-    """One spins: as on a wall, for the relative slip of both surfaces."""
+    """One rotates: as on a wall, for the relative slip of both surfaces."""
     radius, v_n = 0.1, 0.2
     omega = np.array([8.0, 10.0, 15.0, 24.0])
     out = collide(ALLOY, Impacts((radius, other), ((v_n, 0.0), (0.0, 0.0)), (omega, 0.0)))

@@ -1,4 +1,4 @@
-"""What must not change: energy of conservative scenes to order dt^2, momenta to rounding, the ledger with losses."""
+"""What must not change: energy of conservative scenes to order dt^2, momenta to rounding, the balance with losses."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ SEEDS = 8
 
 
 def thermal(sim, seed, temperature=1e-4):
-    """Start the packing with random velocities and spins [m/s, rad/s], and no momentum."""
+    """Start the packing with random velocities and angular velocities [m/s, rad/s], and no momentum."""
     rng = np.random.default_rng(seed)
     arguments = sim.scene
     n, speed = len(sim), np.sqrt(temperature * scenes.STIFFNESS / 800.0)
@@ -53,16 +53,6 @@ def test_energy_drift_falls_as_the_square_of_the_step(reference_packing, name):
     assert np.sqrt((drifts[:, 0] ** 2).mean()) < 1e-3
 
 
-def momenta(sim):
-    """(linear momentum over sum m|v|, angular momentum, its scale), of velocities half a step before positions."""
-    mass, inertia = sim.scene.masses()
-    x, v, omega = (getattr(sim.state, name).to_numpy() for name in ("position", "velocity", "angular_velocity"))
-    orbital = np.cross(x, v) if x.shape[1] == 3 else (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0])[:, None]
-    angular = mass[:, None] * orbital + inertia * omega
-    linear = (mass[:, None] * v).sum(axis=0)
-    return linear, (mass * np.linalg.norm(v, axis=1)).sum(), angular.sum(axis=0), np.abs(angular).sum()
-
-
 def falling_together(dim, speed=2.0, count=40):
     """An isolated cluster of grains that fly at each other: angular ones in 2D, spheres in 3D."""
     rng = np.random.default_rng(dim)
@@ -82,15 +72,16 @@ def falling_together(dim, speed=2.0, count=40):
     )
 
 
+@scenes.both_precisions
 @pytest.mark.parametrize("dim", [2, 3])
 def test_momenta_of_an_isolated_cluster_are_exact(runtime, dim):
     sim = scenes.simulate(falling_together(dim))
-    linear0, _, angular0, _ = momenta(sim)
+    linear0, _, angular0, _ = scenes.momenta(sim)
     touched = 0
     for _ in range(10):
         sim.run(200)
         touched = max(touched, sim.measure.sums()["contact_count"])
-        linear, size, angular, angular_size = momenta(sim)
+        linear, size, angular, angular_size = scenes.momenta(sim)
         assert np.abs(linear - linear0).max() < scenes.tolerance(1e-12, 1e-6) * size
         assert np.abs(angular - angular0).max() < scenes.tolerance(1e-10, 1e-5) * angular_size
     assert touched > 20 and sim.rebuilds > 2
@@ -120,7 +111,7 @@ def collapse(runtime):
     )
 
 
-def test_energy_ledger_of_a_collapse_closes(collapse):
+def test_energy_balance_of_a_collapse_closes(collapse):
     sim, scene = collapse, collapse.scene
     n = len(sim)
     columns = {"position": scene.position, "velocity": np.zeros((n, 2)), "angular_velocity": np.zeros((n, 1))}

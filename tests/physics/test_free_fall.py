@@ -1,4 +1,4 @@
-"""Grains under gravity alone."""
+"""Grains under gravity only."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from tests.helpers import scenes
 
 
 def test_free_fall_is_exact(runtime):
-    """Without contact laws: the parabola, which velocity Verlet meets to rounding."""
+    """Without contact forces: the parabola, which velocity Verlet meets to rounding."""
     rng = np.random.default_rng(0)
     position, velocity = rng.uniform(-50, 50, (20, 3)), rng.standard_normal((20, 3))
     g = np.array([1.0, -9.81, 0.3])

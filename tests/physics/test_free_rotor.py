@@ -12,39 +12,39 @@ pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="the state of 
 
 @ti.data_oriented
 class Rotor:
-    """One rigid body without forces; every `every` steps its energy and its spin in the body frame."""
+    """One rigid body without forces; every `every` steps its energy and its angular velocity in the body frame."""
 
     def __init__(self, samples):
-        self.turn, self.momentum = ti.Vector.field(4, ti.f64, ()), ti.Vector.field(3, ti.f64, ())
+        self.orientation, self.momentum = ti.Vector.field(4, ti.f64, ()), ti.Vector.field(3, ti.f64, ())
         self.inertia = ti.Vector.field(3, ti.f64, ())
-        self.make_contact = ti.Vector.field(5, ti.f64, samples)  # energy, spin about the principal axes, |q|
+        self.rows = ti.Vector.field(5, ti.f64, samples)  # energy, angular velocity about the principal axes, |q|
 
-    def start(self, inertia, angular_velocity, turn=(1.0, 0.0, 0.0, 0.0)):
-        self.inertia[None], self.turn[None] = inertia, turn
-        self.set_spin(*angular_velocity)
+    def start(self, inertia, angular_velocity, orientation=(1.0, 0.0, 0.0, 0.0)):
+        self.inertia[None], self.orientation[None] = inertia, orientation
+        self.set_angular_velocity(*angular_velocity)
 
     @ti.kernel
-    def set_spin(self, x: ti.f64, y: ti.f64, z: ti.f64):
-        self.momentum[None] = momentum_of(self.turn[None], ti.Vector([x, y, z]), self.inertia[None])
+    def set_angular_velocity(self, x: ti.f64, y: ti.f64, z: ti.f64):
+        self.momentum[None] = momentum_of(self.orientation[None], ti.Vector([x, y, z]), self.inertia[None])
 
     @ti.kernel
     def run(self, samples: ti.i32, every: ti.i32, dt: ti.f64):
         ti.loop_config(serialize=True)
         for i in range(samples):
-            q, p, inverse = self.turn[None], self.momentum[None], 1.0 / self.inertia[None]
+            q, p, inverse = self.orientation[None], self.momentum[None], 1.0 / self.inertia[None]
             for _ in range(every):
                 q = free_rotor(q, p, inverse, dt)
-            self.turn[None] = q
+            self.orientation[None] = q
             omega = angular_velocity_of(q, p, inverse)
             u = ti.Vector([q[1], q[2], q[3]])
             t = 2.0 * omega.cross(u)
             body = omega + q[0] * t + t.cross(u)
-            self.make_contact[i] = ti.Vector([0.5 * omega.dot(p), body[0], body[1], body[2], q.norm()])
+            self.rows[i] = ti.Vector([0.5 * omega.dot(p), body[0], body[1], body[2], q.norm()])
 
     def watch(self, samples, every, dt):
-        """Rows (samples, 5) of energy, body spin (3) and norm of the quaternion."""
+        """Rows (samples, 5) of energy, body angular velocity (3) and norm of the quaternion."""
         self.run(samples, every, dt)
-        return self.make_contact.to_numpy()[:samples]
+        return self.rows.to_numpy()[:samples]
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_energy_of_an_asymmetric_top_has_no_trend_over_a_million_steps(rotor):
     ripple = np.ptp(energy)
     assert ripple < 1e-3 * energy.mean()
     assert abs(slope) < 0.02 * ripple
-    assert rotor.make_contact.to_numpy()[:, 4] == pytest.approx(1.0, abs=1e-12)
+    assert rotor.rows.to_numpy()[:, 4] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_the_error_falls_as_the_square_of_the_step(rotor):
@@ -94,7 +94,7 @@ def test_the_error_falls_as_the_square_of_the_step(rotor):
     for steps in (100, 200, 400, 6400):
         rotor.start(np.array([1.0, 2.0, 3.0]), (0.5, 1.0, 0.8))
         rotor.watch(1, steps, 4.0 / steps)
-        ends.append(rotor.turn.to_numpy())
+        ends.append(rotor.orientation.to_numpy())
     errors = [np.linalg.norm(end - ends[-1]) for end in ends[:-1]]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)

@@ -1,9 +1,6 @@
 """Aggregates that break as they collide: energy budget, the same bits for any threads, checkpoints, load, fragments."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +8,8 @@ import pytest
 import taichi_lsm as lsm
 from taichi_lsm.stepping.step_loop_gpu import StepLoopGPU
 from tests.helpers import bonds_run, scenes
+from tests.helpers.processes import run_module
 
-ROOT = Path(__file__).resolve().parents[2]
 STEPS = 3000
 
 
@@ -89,15 +86,13 @@ def test_threads_and_a_checkpoint_of_broken_aggregates_change_no_bit(rubble, tmp
     rubble.run(STEPS)
     end = bonds_run.digest(rubble)
     assert {"intact", "force", "sums"} <= set(different(half, end))
-    command = [sys.executable, "-m", "tests.helpers.bonds_run", str(tmp_path), str(STEPS), "2", scenes.PRECISION]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    run_module("tests.helpers.bonds_run", tmp_path, STEPS, 2, scenes.PRECISION)
     theirs = json.loads((tmp_path / "digests.json").read_text(encoding="utf-8"))
     assert different(theirs["half"], half) == []
     assert different(theirs["end"], end) == []
     fewer = bonds_run.rubble()
     fewer.bonds = fewer.bonds[1:]
-    with pytest.raises(lsm.InputError, match="Simulation.reset"):
+    with pytest.raises(lsm.InputError, match=r"Simulation.reset"):
         rubble.reset(fewer)
 
 
@@ -107,7 +102,7 @@ def different(digest, other):
     return [name for name, value in digest.items() if other[name] != value and name != "travel"]
 
 
-@pytest.mark.parametrize("pieces", (7, 12))
+@pytest.mark.parametrize("pieces", [7, 12])
 def test_an_aggregate_is_whole_and_has_the_area_of_a_disc(pieces):
     grain = lsm.angular_aggregate(pieces, 3, corner_radius=0.05)
     assert len(grain.shapes) == pieces and (grain.diameter**2).sum() == pytest.approx(1.0)

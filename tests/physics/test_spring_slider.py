@@ -1,4 +1,4 @@
-"""A slider drawn by a spring: where rate-and-state friction turns unstable, and the stress drop of stick-slip."""
+"""A slider drawn by a spring: where rate-and-state friction becomes unstable, and the stress drop of stick-slip."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ CHUNK = 5  # steps
 
 @pytest.fixture(scope="module")
 def rides(runtime):
-    """rides(law): a glued disc that is pressed on the flat top of a free giant, far too heavy to move, and drawn."""
+    """rides(effect): a glued disc that is pressed on the flat top of a free giant, far too heavy to move, and drawn."""
     made = {}
 
     def get(effect):
@@ -91,10 +91,10 @@ def forces(sim, time, stiffness):
 
 
 def test_stick_slip_drops_the_force_by_twice_the_difference(rides):
-    """A slider released at mu_s N swings about mu_d N and sticks again at (2 mu_d - mu_s) N.
+    """A slider released at mu_s N oscillates about mu_d N and sticks again at (2 mu_d - mu_s) N.
 
-    The spring of the contact, which has no damping, then swings by (mu_s - mu_d) N and reaches mu_s N when the load is
-    mu_d N: there the slider goes on, and slides steadily.
+    The spring of the contact, which has no damping, then oscillates by (mu_s - mu_d) N and reaches mu_s N when the
+    load is mu_d N: there the slider goes on, and slides steadily.
     """
     sim = rides(lsm.CoulombFriction(MU_S, 0.5 * K, MU_D))
     sim.run(500)  # the press settles
@@ -123,9 +123,9 @@ def test_rate_and_state_slips_steadily_only_on_a_stiff_spring(rides):
     oscillations = []
     for stiffness in (2.0 * critical, 0.5 * critical):
         scenes.reload(sim, position=np.array([(0.0, -0.5 * GIANT), (0.0, 0.5 - N / K)]))
-        for velocity, way in ((10 * v_0, 0.9 * MU_0 * N / stiffness), (v_0, 10 * d_c), (3 * v_0, 100 * d_c)):
+        for velocity, distance in ((10 * v_0, 0.9 * MU_0 * N / stiffness), (v_0, 10 * d_c), (3 * v_0, 100 * d_c)):
             sim.platens.set("slider", 0, lsm.SpringLoadPoint(velocity, stiffness, INERTIA))
-            sim.run(int(way / velocity / sim.dt))
+            sim.run(int(distance / velocity / sim.dt))
         force = forces(sim, 10 * d_c / velocity, stiffness)
         oscillations.append(np.ptp(force) / N)
         if stiffness > critical:

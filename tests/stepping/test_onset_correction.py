@@ -34,7 +34,7 @@ def pairs_on_course(dim, rng):
 
 
 def collisions(dim, integrator, dt=1e-3, time=4.0):
-    """Relative energy error (m,) of the pairs that met and parted."""
+    """Relative energy error (m,) of the pairs that collided and parted."""
     arguments = pairs_on_course(dim, np.random.default_rng(3))
     effects = [lsm.LinearElastic(STIFFNESS)]
     scene = scenes.scene(
@@ -59,9 +59,9 @@ def collisions(dim, integrator, dt=1e-3, time=4.0):
 
     before = energy()
     sim.run(round(time / dt))
-    met = np.abs(sim.state.velocity.to_numpy() - velocity).max(axis=1)[::2] > 1e-6
+    collided = np.abs(sim.state.velocity.to_numpy() - velocity).max(axis=1)[::2] > 1e-6
     touching = sim.state.force.to_numpy()[::2].any(axis=1)
-    return (energy() / before - 1.0)[met & ~touching]
+    return (energy() / before - 1.0)[collided & ~touching]
 
 
 @pytest.mark.skipif(scenes.PRECISION == "f32", reason="the errors are below the rounding of f32")

@@ -19,7 +19,7 @@ class Roll:
         self.team = ThreadTeam(size, STAGES + 1)
         self.row_start = ti.field(ti.i32, GRAINS + 1)
         self.worked = ti.field(ti.i32, (STAGES, GRAINS))
-        self.alone = ti.field(ti.i32, size)
+        self.led = ti.field(ti.i32, size)
 
     @ti.kernel
     def launch(self):
@@ -35,7 +35,7 @@ class Roll:
                         share = self.team.finish(t, stage)
                     self.team.barrier(t, stage)
                 if self.team.lead(STAGES):
-                    self.alone[t] = self.alone[t] + 1
+                    self.led[t] = self.led[t] + 1
                     self.team.finish_alone(t, STAGES)
                 self.team.barrier(t, STAGES)
 
@@ -51,7 +51,7 @@ def test_every_share_is_done_once(size):
     for launch in (1, 2):  # counters begin anew
         roll.launch()
         assert (roll.worked.to_numpy() == launch).all()
-        assert roll.alone.to_numpy().sum() == launch
+        assert roll.led.to_numpy().sum() == launch
     first = roll.team.first_slot.to_numpy()
     assert first[0] == 0 and first[-1] == GRAINS and (np.diff(first) >= 0).all()
     work = np.diff((roll.row_start.to_numpy() + np.arange(GRAINS + 1))[first])
