@@ -237,7 +237,7 @@ class Simulation:
             state.angular_velocity.from_numpy(scene.angular_velocity)
             state.inverse_inertia.from_numpy(1.0 / inertia)
         if spec.oriented:
-            state.orientation.from_numpy(scene.turns())
+            state.orientation.from_numpy(scene.orientation_state())
         if spec.shaped:
             state.shape_index.from_numpy(scene.shape_index)
             state.diameter.from_numpy(scene.diameter)

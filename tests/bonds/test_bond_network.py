@@ -25,7 +25,7 @@ FAR = np.array([0.0, 30.0, 0.0])
 
 
 def bond(**more):
-    return lsm.ElasticBrittleBond(
+    return lsm.effects.ElasticBrittleBond(
         **{"youngs_modulus": YOUNG, "poissons_ratio": POISSON, "cohesion": COHESION, "friction_angle": ANGLE} | more
     )
 
@@ -207,7 +207,7 @@ def restart(sim, scene, **columns):
         "position": scene.position,
         "velocity": scene.velocity,
         "angular_velocity": scene.angular_velocity,
-        "orientation": scene.turns(),
+        "orientation": scene.orientation_state(),
     }
     for name, values in rest.items():
         getattr(sim.state, name).from_numpy(values)

@@ -247,7 +247,7 @@ def test_walls_that_make_no_sense_are_refused():
         walls(lsm.PlaneWall("a", "origin", (0.0, 1.0)))
     with pytest.raises(lsm.InputError, match="zero along periodic axes"):
         walls(BOX[1], lengths=(9.0, np.inf), periodic=(True, False))
-    clump = lsm.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
+    clump = lsm.shapes.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
     with pytest.raises(lsm.InputError, match="no single deepest point"):
         walls(FLOOR, shapes=[clump], effects=[lsm.LinearElastic(K)])
     walls(FLOOR, lengths=(9.0, np.inf), periodic=(True, False))

@@ -16,7 +16,7 @@ WIDE, HIGH = 11.0, 9.0
 
 def pair(arcs):
     """Two grains in a large cell."""
-    shapes = lsm.random_angular_shapes(2, 7) if arcs else [lsm.disc()]
+    shapes = lsm.shapes.random_angular_shapes(2, 7) if arcs else [lsm.disc()]
     more = {
         "shapes": shapes,
         "shape_index": np.arange(2) % len(shapes),
@@ -33,7 +33,7 @@ def test_grains_collide_across_the_border_as_inside(runtime, arcs):
     v = np.array([(0.5, 1.0), (-1.0, -1.5)])
     x = np.array([(4.0, 4.0), (4.5, 5.2)])
     angular_velocity, strain, up = np.array([(1.0,), (-2.0,)]), 0.37, 4.4
-    columns = {"orientation": sim.scene.turns()} if arcs else {}
+    columns = {"orientation": sim.scene.orientation_state()} if arcs else {}
     found = []
     for shift in ((0.0, 0.0), (0.0, up), (0.0, up + 3 * HIGH)):
         start, speed = x + shift, v.copy()

@@ -37,7 +37,7 @@ def effects_of(k, *more):
 @pytest.fixture(scope="module")
 def angular(runtime):
     """A disc, a disc of 30 arcs and six angular grains over a floor, far apart."""
-    shapes = [lsm.disc(), lsm.regular_disc_of_arcs(30), *lsm.random_angular_shapes(6, 4)]
+    shapes = [lsm.disc(), lsm.shapes.regular_disc_of_arcs(30), *lsm.shapes.random_angular_shapes(6, 4)]
     x = np.stack([3.0 * np.arange(8), np.full(8, 0.8)], axis=1)
     effects = effects_of(K, lsm.ViscousDamping(restitution=0.5), GlobalDamping(0.0), lsm.Gravity((0.0, -G)))
     floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
@@ -56,7 +56,7 @@ def test_the_deepest_point_of_a_chain_is_that_of_its_outline(angular):
     sim = angular
     probe = Probe(sim)
     probe.measure()
-    x, orientation = sim.scene.position, sim.scene.turns()
+    x, orientation = sim.scene.position, sim.scene.orientation_state()
     for k, shape in enumerate(sim.scene.shapes):
         depth = support(shape, orientation[k], (0.0, -1.0)) - x[k, 1]
         assert probe.depth[k] == pytest.approx(depth, abs=1e-7)
@@ -68,7 +68,11 @@ def test_a_disc_of_arcs_does_what_a_disc_does(angular):
     angular_velocity = np.linspace(3.0, 3.0, 8)[:, None]
     v = np.tile([1.5, -2.0], (8, 1))
     scenes.reload(
-        angular, position=scene.position, velocity=v, angular_velocity=angular_velocity, orientation=scene.turns()
+        angular,
+        position=scene.position,
+        velocity=v,
+        angular_velocity=angular_velocity,
+        orientation=scene.orientation_state(),
     )
     apart = 0.0
     for _ in range(10):
@@ -94,7 +98,7 @@ def test_angular_grains_come_to_rest_on_a_flat_side(angular):
         position=scene.position,
         velocity=0.0 * scene.position,
         angular_velocity=still,
-        orientation=scene.turns(),
+        orientation=scene.orientation_state(),
     )
     angular.run(200_000)
     assert np.abs(angular.state.velocity.to_numpy()).max() < 1e-3
@@ -161,7 +165,7 @@ def test_a_sphere_hangs_from_the_ceiling_by_cohesion(spheres):
 
 def polyhedra(runtime):
     """Polyhedra over a floor, far apart, turned at random."""
-    shapes = [lsm.sphere(), *lsm.random_angular_polyhedra(5, 2)]
+    shapes = [lsm.sphere(), *lsm.shapes.random_angular_polyhedra(5, 2)]
     rng = np.random.default_rng(0)
     orientation = rng.normal(size=(6, 4))
     x = np.stack([3.0 * np.arange(6), np.zeros(6), np.full(6, 0.85)], axis=1)
@@ -182,7 +186,7 @@ def test_polyhedra_touch_with_their_deepest_point_and_rest_on_a_face(runtime):
     sim = scenes.simulate(polyhedra(runtime))
     probe = Probe(sim)
     probe.measure()
-    down, x = body_down(sim.scene.turns()), sim.scene.position
+    down, x = body_down(sim.scene.orientation_state()), sim.scene.position
     for k in range(1, 6):
         height = sim.scene.shapes[k].support(down[k : k + 1])[0]
         assert probe.depth[k] == pytest.approx(height - x[k, 2], abs=1e-10)

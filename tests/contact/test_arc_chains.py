@@ -67,8 +67,8 @@ def overlapping_pairs(rng, table):
 
 @pytest.fixture(scope="module")
 def table():
-    cut = [lsm.regular_disc_of_arcs(arcs) for arcs in (8, 30, 120)]
-    return [lsm.disc(), *lsm.random_angular_shapes(24, 5), *cut]
+    cut = [lsm.shapes.regular_disc_of_arcs(arcs) for arcs in (8, 30, 120)]
+    return [lsm.disc(), *lsm.shapes.random_angular_shapes(24, 5), *cut]
 
 
 @pytest.fixture(scope="module")

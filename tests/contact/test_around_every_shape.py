@@ -12,23 +12,23 @@ DEPTH = 1e-4
 LIBRARY = {
     2: lambda: [
         lsm.disc(),
-        *lsm.random_angular_shapes(3, 1),
-        *lsm.random_polygons(2, 1, angularity=0.5),
-        lsm.regular_polygon(5),
-        lsm.regular_disc_of_arcs(30),
-        lsm.ellipse(2.0),
-        lsm.superellipse(1.5, 4.0),
-        lsm.voronoi_packing(16, 4.0, 1, 0.08, 0.02)[0][3],
+        *lsm.shapes.random_angular_shapes(3, 1),
+        *lsm.shapes.random_polygons(2, 1, angularity=0.5),
+        lsm.shapes.regular_polygon(5),
+        lsm.shapes.regular_disc_of_arcs(30),
+        lsm.shapes.ellipse(2.0),
+        lsm.shapes.superellipse(1.5, 4.0),
+        lsm.shapes.voronoi_packing(16, 4.0, 1, 0.08, 0.02)[0][3],
     ],
     3: lambda: [
         lsm.sphere(),
-        *lsm.random_angular_polyhedra(2, 1),
-        *lsm.random_polyhedra(1, 1),
-        lsm.regular_polyhedron(12),
-        lsm.ball_of_faces(60, 0.01),
-        lsm.ellipsoid((1.0, 1.5, 2.0), 30),
-        lsm.superellipsoid((1.0, 1.0, 1.0), 6.0, 30),
-        lsm.laguerre_packing(8, 2.0, 1, 0.06, 0.02)[0][3],
+        *lsm.shapes.random_angular_polyhedra(2, 1),
+        *lsm.shapes.random_polyhedra(1, 1),
+        lsm.shapes.regular_polyhedron(12),
+        lsm.shapes.ball_of_faces(60, 0.01),
+        lsm.shapes.ellipsoid((1.0, 1.5, 2.0), 30),
+        lsm.shapes.superellipsoid((1.0, 1.0, 1.0), 6.0, 30),
+        lsm.shapes.laguerre_packing(8, 2.0, 1, 0.06, 0.02)[0][3],
     ],
 }
 PROBES = 60  # of each shape
@@ -76,7 +76,7 @@ def test_the_stiffness_is_the_same_all_round(runtime, dim):
 
 def rolling(dim):
     """A grain with many seams that slides and rolls on a fixed one of radius 25."""
-    shape = lsm.superellipse(1.3, 2.5, 30) if dim == 2 else lsm.ball_of_faces(60, 0.05)
+    shape = lsm.shapes.superellipse(1.3, 2.5, 30) if dim == 2 else lsm.shapes.ball_of_faces(60, 0.05)
     down = np.eye(dim)[1] * -1.0
     reach = float((surface(shape, down[None]) @ down)[0])
     orientations = {} if dim == 2 else {"orientation": np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))}

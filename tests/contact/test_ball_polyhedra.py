@@ -49,7 +49,12 @@ def least(shapes, scale, rotation, c, passes=22):
 
 @pytest.fixture(scope="module")
 def table():
-    return [lsm.sphere(), *lsm.random_angular_polyhedra(6, 3), lsm.ball_of_faces(20), lsm.ball_of_faces(60)]
+    return [
+        lsm.sphere(),
+        *lsm.shapes.random_angular_polyhedra(6, 3),
+        lsm.shapes.ball_of_faces(20),
+        lsm.shapes.ball_of_faces(60),
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -143,6 +148,6 @@ def test_force_and_torques_are_the_gradient_of_the_depth(pairs):
 
 
 def test_a_sphere_needs_no_bounds(runtime):
-    table = PolyhedronTable([lsm.sphere(), lsm.ball_of_faces(20)])
+    table = PolyhedronTable([lsm.sphere(), lsm.shapes.ball_of_faces(20)])
     assert table.features[0] == 1 and table.first_bound[0] == table.first_bound[1] == 0
     assert table.features[1] > 20

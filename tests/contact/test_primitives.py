@@ -63,9 +63,9 @@ def classified(shape, angle):
 @pytest.mark.parametrize("case", ["angular", "three arcs", "thirty arcs"])
 def test_every_direction_belongs_to_exactly_one_arc(case):
     shape = {
-        "angular": lambda: lsm.random_angular_shapes(1, 3)[0],
-        "three arcs": lambda: lsm.regular_disc_of_arcs(3),
-        "thirty arcs": lambda: lsm.regular_disc_of_arcs(30),
+        "angular": lambda: lsm.shapes.random_angular_shapes(1, 3)[0],
+        "three arcs": lambda: lsm.shapes.regular_disc_of_arcs(3),
+        "thirty arcs": lambda: lsm.shapes.regular_disc_of_arcs(30),
     }[case]()
     angle = np.random.default_rng(0).uniform(0, 2 * np.pi, 2000)
     assert np.all(classified(shape, angle)[0] == 1)
@@ -74,7 +74,7 @@ def test_every_direction_belongs_to_exactly_one_arc(case):
 
 
 def test_step_points_to_the_nearer_seam():
-    shape = lsm.random_angular_shapes(1, 3)[0]
+    shape = lsm.shapes.random_angular_shapes(1, 3)[0]
     low, high = (np.arctan2(*shape.seam[i][::-1]) for i in (0, 1))
     width = (high - low) % (2 * np.pi)
     offset = np.random.default_rng(1).uniform(-np.pi, np.pi, 2000)  # from the middle of arc 0
@@ -88,7 +88,7 @@ def test_step_points_to_the_nearer_seam():
 
 
 def test_seam_belongs_to_the_arc_that_begins_there():
-    shape = lsm.regular_disc_of_arcs(8)
+    shape = lsm.shapes.regular_disc_of_arcs(8)
     _, step, distance, _ = classified(shape, shape.seam)
     assert step[0] == 0 and step[1] == 1
     assert distance[1] == pytest.approx(0.0, abs=1e-15)

@@ -20,7 +20,7 @@ def impacts(runtime):
     x[:, 1] = 5.0 * np.repeat(np.arange(n), 2)
     x[1::2, 0] = 0.8
     sim = scenes.simulate(
-        scenes.scene(x, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.5)], diameter=scale, skin=2.0)
+        scenes.scene(x, [lsm.effects.Hertz(E, NU), lsm.ViscousDamping(restitution=0.5)], diameter=scale, skin=2.0)
     )
     return sim, x
 
@@ -45,19 +45,21 @@ def test_restitution_is_the_same_at_any_speed(impacts, e):
 
 def test_stable_step_is_that_of_the_stiffness_at_a_tenth_of_the_least_grain():
     position = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]])
-    grains = scenes.scene(position, [lsm.Hertz(E, NU)], diameter=[1.0, 0.1])
+    grains = scenes.scene(position, [lsm.effects.Hertz(E, NU)], diameter=[1.0, 0.1])
     radius, mass = 0.5 * 0.05 / 0.55, DENSITY * np.pi / 6 * 1e-3
     slope = 2 * E_STAR * np.sqrt(radius * 0.1 * 0.05)
     assert grains.stable_dt() == pytest.approx(2 / np.sqrt(2 * 10 * slope / mass), rel=1e-12)
-    damped = scenes.scene(position, [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.1)], diameter=[1.0, 0.1])
+    damped = scenes.scene(
+        position, [lsm.effects.Hertz(E, NU), lsm.ViscousDamping(restitution=0.1)], diameter=[1.0, 0.1]
+    )
     assert damped.stable_dt() < 0.9 * grains.stable_dt()
-    rough = scenes.scene(position, [lsm.Hertz(E, NU), lsm.Mindlin(0.5, E, NU)], diameter=[1.0, 0.1])
+    rough = scenes.scene(position, [lsm.effects.Hertz(E, NU), lsm.effects.Mindlin(0.5, E, NU)], diameter=[1.0, 0.1])
     assert rough.stable_dt() < 0.7 * grains.stable_dt()
 
 
 def test_discs_of_arcs_collide_like_discs(runtime):
     """One arc or thirty, on an arc or on a seam, with friction and damping: the same impact."""
-    shapes = [lsm.disc(), lsm.regular_disc_of_arcs(30)]
+    shapes = [lsm.disc(), lsm.shapes.regular_disc_of_arcs(30)]
     which = np.array([[0, 0], [1, 1], [1, 1], [0, 1], [1, 0]])
     seam = np.pi / 30
     angle = np.array([[0, 0], [0.3, 0.7], [seam, seam], [0, 0.0], [0.0, 0]])
@@ -66,7 +68,7 @@ def test_discs_of_arcs_collide_like_discs(runtime):
     x[:, :, 1] = 5.0 * np.arange(n)[:, None]
     x[:, 1, 0] = 1.001
     v[:, 1] = (-1.0, 0.4)
-    effects = [lsm.Hertz(E, NU), lsm.ViscousDamping(restitution=0.8), lsm.Mindlin(0.3, E, NU)]
+    effects = [lsm.effects.Hertz(E, NU), lsm.ViscousDamping(restitution=0.8), lsm.effects.Mindlin(0.3, E, NU)]
     sim = scenes.simulate(
         scenes.scene(
             x.reshape(-1, 2),
@@ -97,8 +99,8 @@ def test_discs_of_arcs_collide_like_discs(runtime):
 def test_refusals():
     for arguments in ((0.0, NU), (-1.0, NU), (np.inf, NU), (E, 0.51), (E, -1.0), (E, np.nan)):
         with pytest.raises(lsm.InputError, match="Hertz"):
-            lsm.Hertz(*arguments)
+            lsm.effects.Hertz(*arguments)
     with pytest.raises(lsm.InputError, match=r"of elasticity, one may be listed"):
-        scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU), lsm.LinearElastic(1.0)])
+        scenes.scene(np.zeros((1, 3)), [lsm.effects.Hertz(E, NU), lsm.LinearElastic(1.0)])
     with pytest.raises(lsm.InputError, match=r"hertz.*radius of curvature.*polyhedron"):
-        scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU)], shapes=[lsm.ball_of_faces(12, 0.1)])
+        scenes.scene(np.zeros((1, 3)), [lsm.effects.Hertz(E, NU)], shapes=[lsm.shapes.ball_of_faces(12, 0.1)])

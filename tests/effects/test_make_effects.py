@@ -7,7 +7,7 @@ from workflows import shear_gouge
 
 
 def test_effects_are_made_from_tables():
-    made = lsm.make_effects(
+    made = lsm.effects.make_effects(
         [{"name": "gravity", "acceleration": [0.0, -9.81]}, {"name": "viscous_damping", "rate": 3.0}]
     )
     assert made == [lsm.Gravity((0.0, -9.81)), lsm.ViscousDamping(rate=3.0)]
@@ -31,7 +31,7 @@ def test_effects_are_made_from_tables():
 )
 def test_mistakes_are_named(table, words):
     with pytest.raises(lsm.InputError, match=words):
-        lsm.make_effects([table])
+        lsm.effects.make_effects([table])
 
 
 def test_the_gouge_takes_effects_beside_its_own_and_in_place_of_them():

@@ -26,7 +26,7 @@ class Path:
     """COUNT contacts that each follow a path of slip; normal forces may change on the way."""
 
     def __init__(self, dim):
-        effect = lsm.Mindlin(MU, E, NU)
+        effect = lsm.effects.Mindlin(MU, E, NU)
         self.effect, self.dim, self.contact_type = effect.bound(), dim, contact_type(dim, [effect])
         self.size = effect.history_size(dim)
         self.normal = ti.Vector.field(dim, ti.f64, COUNT)
@@ -170,9 +170,11 @@ def test_force_turns_into_the_line_of_a_new_slip(paths):
 def test_refusals():
     for arguments in ((-0.1, E, NU), (MU, 0.0, NU), (MU, E, 0.6), (MU, E, -1.0), (np.nan, E, NU)):
         with pytest.raises(lsm.InputError, match="Mindlin"):
-            lsm.Mindlin(*arguments)
-    for others in ([lsm.LinearElastic(1.0)], [lsm.Hertz(2 * E, NU)], []):
+            lsm.effects.Mindlin(*arguments)
+    for others in ([lsm.LinearElastic(1.0)], [lsm.effects.Hertz(2 * E, NU)], []):
         with pytest.raises(lsm.InputError, match="those of Hertz"):
-            scenes.scene(np.zeros((1, 3)), [*others, lsm.Mindlin(MU, E, NU)])
+            scenes.scene(np.zeros((1, 3)), [*others, lsm.effects.Mindlin(MU, E, NU)])
     with pytest.raises(lsm.InputError, match=r"of friction, one may be listed"):
-        scenes.scene(np.zeros((1, 3)), [lsm.Hertz(E, NU), lsm.Mindlin(MU, E, NU), lsm.CoulombFriction(MU, 1.0)])
+        scenes.scene(
+            np.zeros((1, 3)), [lsm.effects.Hertz(E, NU), lsm.effects.Mindlin(MU, E, NU), lsm.CoulombFriction(MU, 1.0)]
+        )

@@ -15,7 +15,7 @@ fine = pytest.mark.skipif(scenes.PRECISION == "f32", reason="parts of a slip dis
 
 
 def effect(evolution="ageing", stiffness=STIFF, b=B):
-    return lsm.RateAndStateFriction(MU_0, A, b, D_C, V_0, stiffness, evolution)
+    return lsm.effects.RateAndStateFriction(MU_0, A, b, D_C, V_0, stiffness, evolution)
 
 
 @pytest.fixture(scope="module")
@@ -140,6 +140,6 @@ def test_refusals():
         values = [MU_0, A, B, D_C, V_0]
         values[place] = -1.0
         with pytest.raises(lsm.InputError, match=rf"RateAndStateFriction\.{name} = -1.0: must be >"):
-            lsm.RateAndStateFriction(*values, 1.0)
+            lsm.effects.RateAndStateFriction(*values, 1.0)
     with pytest.raises(lsm.InputError, match=r"evolution = 'other': must be 'ageing' or 'slip'"):
-        lsm.RateAndStateFriction(MU_0, A, B, D_C, V_0, 1.0, "other")
+        lsm.effects.RateAndStateFriction(MU_0, A, B, D_C, V_0, 1.0, "other")

@@ -22,7 +22,7 @@ def rolling_disc():
             lsm.LinearElastic(STIFF),
             lsm.ViscousDamping(restitution=0.1),
             lsm.CoulombFriction(0.8, 0.5 * STIFF),
-            lsm.RollingResistance(ROLLING, 0.1 * STIFF),
+            lsm.effects.RollingResistance(ROLLING, 0.1 * STIFF),
             lsm.Gravity((0.0, -G)),
         ],
         diameter=[GROUND, 1.0],
@@ -56,7 +56,7 @@ PULL_OFF, REACH = 50.0, 0.05
 @pytest.fixture(scope="module")
 def cohesive(runtime):
     """Two balls that cling to each other, drawn apart by opposite constant forces or left to themselves."""
-    effects = [lsm.LinearElastic(K), lsm.Cohesion(PULL_OFF, REACH)]
+    effects = [lsm.LinearElastic(K), lsm.effects.Cohesion(PULL_OFF, REACH)]
     return scenes.simulate(scenes.scene([(0.0, 0.0, 0.0), (1.02, 0.0, 0.0)], effects, skin=0.1))
 
 
@@ -93,7 +93,7 @@ def test_global_damping_is_exponential_and_dissipates_what_it_takes(runtime):
     velocity = np.random.default_rng(1).standard_normal((5, 3))
     position = 4.0 * np.arange(15.0).reshape(5, 3)
     angular_velocity = velocity[:, ::-1].copy()
-    effects = [lsm.GlobalDamping(rate), lsm.CoulombFriction(0.5, K), lsm.LinearElastic(K)]
+    effects = [lsm.effects.GlobalDamping(rate), lsm.CoulombFriction(0.5, K), lsm.LinearElastic(K)]
     sim = scenes.simulate(scenes.scene(position, effects, velocity=velocity, angular_velocity=angular_velocity, dt=dt))
     start, _ = scenes.energy(sim)
     sim.run(2000)

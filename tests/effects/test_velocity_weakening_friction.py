@@ -18,7 +18,7 @@ def coefficient(v):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_steady_slip_has_the_friction_of_its_velocity(dim):
-    bench = Sliders(lsm.VelocityWeakeningFriction(MU_S, MU_D, V_C, STIFF), COUNT, dim=dim)
+    bench = Sliders(lsm.effects.VelocityWeakeningFriction(MU_S, MU_D, V_C, STIFF), COUNT, dim=dim)
     v = V_C * np.logspace(-4, 4, COUNT)
     bench.set(history=0.0, load=v, dt=1e-5 / v)
     bench.slide(50)
@@ -38,7 +38,7 @@ def test_steady_slip_has_the_friction_of_its_velocity(dim):
 def test_a_block_leaves_its_velocity_as_the_slope_of_friction_says():
     """A block that slides at V under just the force mu(V) runs away as exp(-mu'(V) t/m): inertia bounds the change."""
     mass = 2.0
-    bench = Sliders(lsm.VelocityWeakeningFriction(MU_S, MU_D, V_C, STIFF), 1, mass=mass)
+    bench = Sliders(lsm.effects.VelocityWeakeningFriction(MU_S, MU_D, V_C, STIFF), 1, mass=mass)
     v, dt, soft = 1.0, 1e-4, 1e-9
     bench.set(history=0.0, load=v, dt=dt)
     bench.slide(1000)
@@ -62,4 +62,4 @@ def test_refusals():
         ((0.3, 0.2, 1.0, np.inf), "tangential_stiffness"),
     ):
         with pytest.raises(lsm.InputError, match=rf"VelocityWeakeningFriction\.{name} = .*must be"):
-            lsm.VelocityWeakeningFriction(*values)
+            lsm.effects.VelocityWeakeningFriction(*values)

@@ -101,7 +101,7 @@ def test_without_the_dissipated_energy_a_broken_chain_exceeds_the_bound_of_the_b
 @pytest.mark.validate
 def test_a_seam_that_jumps_costs_energy(bench):
     """Patches that do not join."""
-    shapes = lsm.random_angular_shapes(2, 1)
+    shapes = lsm.shapes.random_angular_shapes(2, 1)
     scene = outlines.impact(shapes, (0.3, 2.0), height=0.7, angular_velocity=(15.0, 12.0))
     smooth = error_of_impact(bench, scene)
     for shape in scene.shapes:
@@ -114,7 +114,7 @@ def test_a_seam_that_jumps_costs_energy(bench):
 @pytest.mark.validate
 def test_features_that_do_not_join_cost_energy(bench):
     """Faces moved by a hundredth of the size."""
-    rng, shapes = np.random.default_rng(1), lsm.random_angular_polyhedra(4, 1)
+    rng, shapes = np.random.default_rng(1), lsm.shapes.random_angular_polyhedra(4, 1)
     orientations = rng.normal(size=(3, 2, 4))
     orientations /= np.linalg.norm(orientations, axis=2)[..., None]
 

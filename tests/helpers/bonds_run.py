@@ -19,7 +19,7 @@ YOUNG = 2e7
 def rubble(parallel=None, columns=3, rows=3):
     """columns x rows aggregates with random velocities in a periodic square; they break when they collide."""
     rng = np.random.default_rng(8)
-    kinds = [lsm.angular_aggregate(PIECES, seed, corner_radius=0.1) for seed in range(3)]
+    kinds = [lsm.shapes.angular_aggregate(PIECES, seed, corner_radius=0.1) for seed in range(3)]
     pitch = 1.02 * 2.0 * max(kind.reach for kind in kinds)
     size = float(np.sqrt(PIECES))  # of an aggregate; its pieces have diameters of about 1
     shapes = [shape for kind in kinds for shape in kind.shapes]
@@ -48,7 +48,7 @@ def rubble(parallel=None, columns=3, rows=3):
             lsm.LinearElastic(YOUNG),
             lsm.ViscousDamping(restitution=0.5),
             lsm.CoulombFriction(0.5, 0.5 * YOUNG),
-            lsm.ElasticBrittleBond(YOUNG, 0.25, cohesion=1e5, friction_angle=0.6, radius_ratio=0.55),
+            lsm.effects.ElasticBrittleBond(YOUNG, 0.25, cohesion=1e5, friction_angle=0.6, radius_ratio=0.55),
         ],
         bonds=np.concatenate(bonds),
         thickness=1.0,

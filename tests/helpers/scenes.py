@@ -84,7 +84,7 @@ def packing(body, count=48, seed=1):
 def loose_packing(body, count, seed):
     """The same grains on a lattice, before they are grown into each other."""
     rng = np.random.default_rng(seed)
-    shapes = [lsm.disc()] if body == "discs" else lsm.random_angular_shapes(8, seed)
+    shapes = [lsm.disc()] if body == "discs" else lsm.shapes.random_angular_shapes(8, seed)
     scale = rng.uniform(0.8, 1.2, count)
     side = float(np.sqrt(0.25 * np.pi * (scale**2).sum() / FILL[body]))
     rows = int(np.ceil(np.sqrt(count)))

@@ -36,7 +36,7 @@ def test_reading_the_contacts_of_polyhedra_leaves_the_run_as_it_is(runtime):
 
 def test_parts_of_crosses_that_touch_are_named(runtime):
     """Bar 0 of a cross lies along x and bar 1 along y; the last cross is turned by a right angle."""
-    cross, apart, closer = lsm.shapes.cross(), 1.2, 0.01
+    cross, apart, closer = lsm.shapes.crossed_bars(), 1.2, 0.01
     position = [(0.0, 0.0), (apart, 0.0), (5.0, 0.0), (5.0, apart - closer), (10.0, 0.0), (10.0 + apart, 0.0)]
     angle = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5 * np.pi]
     sim = scenes.simulate(scenes.scene(position, [lsm.LinearElastic(K)], shapes=[cross], angle=angle, skin=0.05))

@@ -17,12 +17,12 @@ def test_profile_divides_the_time_of_a_run(reference_packing):
     sim.run(300)
     with sim.clock("diagnostics"):
         sim.measure.sums()
-    rows = {name: (share, cost) for name, share, cost in lsm.profile(sim)}
+    rows = {name: (share, cost) for name, share, cost in lsm.runtime_profile(sim)}
     whole = [share for name, (share, _) in rows.items() if not name.startswith(" ")]
     assert sum(whole) == pytest.approx(1.0)
     assert rows["steps"][0] > 0.1 and rows["diagnostics"][0] > 0.0
     assert rows["  contacts"][1] > 0.0 and rows["  gather, integrate"][1] > 0.0
-    text = lsm.profile_text(sim)
+    text = lsm.runtime_profile_text(sim)
     assert f"{len(sim)} grains, 300 steps" in text and text.count("\n") == len(rows) + 1
 
 
@@ -38,7 +38,7 @@ def test_profile_leaves_the_motion_as_it_is(reference_packing):
     names = ("position", "velocity", "angular_velocity", "force", "torque", "dissipated")
     before = {name: getattr(sim.state, name).to_numpy() for name in names}
     history = sim.pairs.history.to_numpy()
-    lsm.profile(sim)
+    lsm.runtime_profile(sim)
     for name, values in before.items():
         assert np.array_equal(getattr(sim.state, name).to_numpy(), values), name
     assert np.array_equal(sim.pairs.history.to_numpy(), history)
@@ -49,7 +49,7 @@ def test_profile_without_a_step_is_refused(reference_packing):
     sim = reference_packing("frictional_discs")
     sim.reset(sim.scene)
     with pytest.raises(lsm.InputError, match="no step"):
-        lsm.profile(sim)
+        lsm.runtime_profile(sim)
 
 
 @pytest.mark.parametrize("name", ["frictional_discs", "elastic_arcs"])

@@ -30,7 +30,7 @@ def consolidated(runtime):
         scenes.scene(
             position,
             [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.3), lsm.CoulombFriction(0.5, 0.5 * K)],
-            shapes=[lsm.disc(), *lsm.random_angular_shapes(8, 6)],
+            shapes=[lsm.disc(), *lsm.shapes.random_angular_shapes(8, 6)],
             shape_index=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
             diameter=scale,
             angle=rng.uniform(0, 6, len(position)),

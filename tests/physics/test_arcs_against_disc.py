@@ -15,12 +15,12 @@ def test_friction_of_discs_cut_into_arcs(tmp_path):
     means = {}
     for arcs in (1, 8, 30):
         scene = shear_gouge.build(params)
-        scene.shapes = [lsm.disc() if arcs == 1 else lsm.regular_disc_of_arcs(arcs)]
+        scene.shapes = [lsm.disc() if arcs == 1 else lsm.shapes.regular_disc_of_arcs(arcs)]
         run = shear_gouge.simulate(scene, params, tmp_path / str(arcs))
         sheared = run.isel(time=run.stage.values == 2)
-        means[arcs] = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
+        means[arcs] = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     for arcs in (8, 30):
-        apart = lsm.difference(means[arcs], means[1])
+        apart = lsm.statistics.difference(means[arcs], means[1])
         assert apart.standard_error < 0.05
         assert abs(apart.mean) < 2.0 * apart.standard_error, (arcs, means)
     assert np.all([m.mean > 0.1 for m in means.values()])

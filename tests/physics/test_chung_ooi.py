@@ -34,9 +34,9 @@ class Material:
 
     def effects(self):
         return [
-            lsm.Hertz(self.modulus, self.ratio),
+            lsm.effects.Hertz(self.modulus, self.ratio),
             lsm.ViscousDamping(restitution=self.restitution),
-            lsm.Mindlin(self.friction, self.modulus, self.ratio),
+            lsm.effects.Mindlin(self.friction, self.modulus, self.ratio),
         ]
 
 

@@ -11,4 +11,4 @@ pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="conservation 
 
 @pytest.mark.validate  # compiles for half a minute; a gas of cones keeps its energy in test_energy_conservation.py
 def test_an_isolated_cluster_of_cones_keeps_its_momenta_and_its_energy(runtime):
-    check_conservation(cluster(2, [lsm.from_chain(s) for s in lsm.random_angular_shapes(3, 2)]))
+    check_conservation(cluster(2, [lsm.shapes.from_chain(s) for s in lsm.shapes.random_angular_shapes(3, 2)]))

@@ -63,7 +63,7 @@ def falling_together(dim, speed=2.0, count=40):
     return scenes.scene(
         position,
         scenes.frictional(1e7),
-        shapes=lsm.random_angular_shapes(5, 2) if dim == 2 else None,
+        shapes=lsm.shapes.random_angular_shapes(5, 2) if dim == 2 else None,
         shape_index=np.arange(count) % 5 if dim == 2 else 0,
         diameter=rng.uniform(0.8, 1.1, count),
         angle=rng.uniform(0, 6, count) if dim == 2 else None,
@@ -101,7 +101,7 @@ def collapse(runtime):
         scenes.scene(
             position,
             [*scenes.frictional(1e7), lsm.Gravity((0.0, -10.0))],
-            shapes=[lsm.disc(), *lsm.random_angular_shapes(6, 9)],
+            shapes=[lsm.disc(), *lsm.shapes.random_angular_shapes(6, 9)],
             shape_index=np.where(glued, 0, 1 + np.arange(n) % 6),
             angle=rng.uniform(0, 6, n),
             platen_index=np.where(glued, 0, -1),

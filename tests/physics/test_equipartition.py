@@ -17,9 +17,9 @@ def test_energy_is_shared_equally_among_all_ways_to_move(runtime, dim, share):
     lattice = np.stack(np.meshgrid(*[np.arange(per_axis)] * dim), axis=-1).reshape(-1, dim)
     n = len(lattice)
     if dim == 2:
-        shapes, orientations = lsm.random_angular_shapes(5, 1), {"angle": rng.uniform(0, 6, n)}
+        shapes, orientations = lsm.shapes.random_angular_shapes(5, 1), {"angle": rng.uniform(0, 6, n)}
     else:
-        shapes = [lsm.ellipsoid((1.0, 1.3, 1.6), 12, 0.1)]
+        shapes = [lsm.shapes.ellipsoid((1.0, 1.3, 1.6), 12, 0.1)]
         orientations = {"orientation": lsm.random_rotations(rng, n, 3)}
     velocity = rng.normal(size=(n, dim))
     velocity -= velocity.mean(axis=0)

@@ -23,7 +23,7 @@ def packed_discs(shapes, shape, count=200):
 
 def test_disc_cut_into_8_or_30_arcs_moves_like_the_disc(runtime):
     plain = scenes.simulate(packed_discs([lsm.disc()], 0))
-    kinds = [lsm.disc(), lsm.regular_disc_of_arcs(8), lsm.regular_disc_of_arcs(30)]
+    kinds = [lsm.disc(), lsm.shapes.regular_disc_of_arcs(8), lsm.shapes.regular_disc_of_arcs(30)]
     cut = scenes.simulate(packed_discs(kinds, np.arange(200) % 3))
     assert plain.dt == cut.dt
     start = plain.state.position.to_numpy()
@@ -64,7 +64,7 @@ def layer_in_units(metre, kilogram, second):
             lsm.CoulombFriction(0.5, 0.5 * k * per_metre),
             lsm.Gravity((0.0, -2.0 * metre / second**2)),
         ],
-        shapes=[lsm.disc(), *lsm.random_angular_shapes(4, 4)],
+        shapes=[lsm.disc(), *lsm.shapes.random_angular_shapes(4, 4)],
         shape_index=np.where(platen < 0, 1 + np.arange(len(position)) % 4, 0),
         diameter=metre * rng.uniform(0.72, 0.82, len(position)),
         angle=rng.uniform(0, 6, len(position)),

@@ -19,8 +19,8 @@ STIFFNESS = 1e6
 pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="velocities to 1e-9 need f64")
 
 FACES = (12, 60, 240)
-SHAPES = {"sphere": lsm.sphere, "1 face": lambda: lsm.ball_of_faces(1)}
-SHAPES |= {f"{n} faces": functools.partial(lsm.ball_of_faces, n, 0.01) for n in FACES}
+SHAPES = {"sphere": lsm.sphere, "1 face": lambda: lsm.shapes.ball_of_faces(1)}
+SHAPES |= {f"{n} faces": functools.partial(lsm.shapes.ball_of_faces, n, 0.01) for n in FACES}
 AIMS = ("face", "edge", "vertex")  # what of a polyhedron hits the wall; an edge's cone ends in the seams to its faces
 CASES = {  # name: (velocity, angular velocity) of the grain that hits the wall from above
     "restitution": ((0.0, -V, 0.0), (0.0, 0.0, 0.0)),

@@ -104,7 +104,7 @@ def different(digest, other):
 
 @pytest.mark.parametrize("pieces", [7, 12])
 def test_an_aggregate_is_whole_and_has_the_area_of_a_disc(pieces):
-    grain = lsm.angular_aggregate(pieces, 3, corner_radius=0.05)
+    grain = lsm.shapes.angular_aggregate(pieces, 3, corner_radius=0.05)
     assert len(grain.shapes) == pieces and (grain.diameter**2).sum() == pytest.approx(1.0)
     assert np.allclose(grain.diameter**2 @ grain.position, 0.0, atol=1e-12)
     links = np.eye(pieces, dtype=int)
@@ -112,6 +112,6 @@ def test_an_aggregate_is_whole_and_has_the_area_of_a_disc(pieces):
     assert (np.linalg.matrix_power(links, pieces) > 0).all()
     assert 0.5 < grain.reach < 1.2
     with pytest.raises(ValueError, match="pieces = 1"):
-        lsm.angular_aggregate(1, 3, 0.05)
+        lsm.shapes.angular_aggregate(1, 3, 0.05)
     with pytest.raises(ValueError, match="corner_radius"):
-        lsm.angular_aggregate(pieces, 3, 0.0)
+        lsm.shapes.angular_aggregate(pieces, 3, 0.0)

@@ -31,9 +31,12 @@ def cluster(dim, shapes, seed=4, per_axis=3, speed=1.0):
 
 
 SHAPES = {
-    "chains": (2, lambda: lsm.random_angular_shapes(4, 2)),
-    "polyhedra": (3, lambda: [*lsm.random_angular_polyhedra(3, 2), lsm.sphere(), lsm.ellipsoid((1, 1.5, 2), 20)]),
-    "union": (2, lambda: [lsm.crossed_bars(), *lsm.random_angular_shapes(2, 2)]),
+    "chains": (2, lambda: lsm.shapes.random_angular_shapes(4, 2)),
+    "polyhedra": (
+        3,
+        lambda: [*lsm.shapes.random_angular_polyhedra(3, 2), lsm.sphere(), lsm.shapes.ellipsoid((1, 1.5, 2), 20)],
+    ),
+    "union": (2, lambda: [lsm.shapes.crossed_bars(), *lsm.shapes.random_angular_shapes(2, 2)]),
 }
 
 

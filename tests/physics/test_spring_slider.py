@@ -18,7 +18,7 @@ BLOCK = 1e-4  # [kg]
 def test_stability_boundary_of_a_spring_slider(runtime, evolution):
     """K_c = (b - a) F_n/D_c (1 + m V^2/(a F_n D_c)): Ruina (1983), with inertia Rice & Ruina (1983)."""
     count, k_t = 21, 0.5
-    effect = lsm.RateAndStateFriction(MU_0, A, B, 1.0, 1.0, k_t, evolution)
+    effect = lsm.effects.RateAndStateFriction(MU_0, A, B, 1.0, 1.0, k_t, evolution)
     bench = Sliders(effect, count, mass=BLOCK)
     stiffness = CRITICAL * np.linspace(0.9, 1.12, count)
     start = np.zeros((count, 2))
@@ -118,7 +118,7 @@ def test_stick_slip_drops_the_force_by_twice_the_difference(rides):
 
 def test_rate_and_state_slips_steadily_only_on_a_stiff_spring(rides):
     d_c, v_0 = 0.05, 0.005
-    sim = rides(lsm.RateAndStateFriction(MU_0, A, B, d_c, v_0, 0.5 * K))
+    sim = rides(lsm.effects.RateAndStateFriction(MU_0, A, B, d_c, v_0, 0.5 * K))
     critical = CRITICAL * N / d_c
     oscillations = []
     for stiffness in (2.0 * critical, 0.5 * critical):

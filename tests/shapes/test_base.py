@@ -13,19 +13,23 @@ from taichi_lsm.shapes import angular_aggregate, place_part
 
 @pytest.fixture(scope="module")
 def angular():
-    return lsm.random_angular_shapes(1, 3)[0]
+    return lsm.shapes.random_angular_shapes(1, 3)[0]
 
 
 def test_a_shape_prints_on_one_line_what_its_surface_consists_of(angular):
     grains = {
         lsm.sphere(): "ArcChain('sphere', overlap limit 0.5, bounding radius 0.5)",
-        lsm.regular_disc_of_arcs(9): "ArcChain('disc of 9 arcs', 9 arcs, overlap limit 0.5, bounding radius 0.5)",
+        lsm.shapes.regular_disc_of_arcs(
+            9
+        ): "ArcChain('disc of 9 arcs', 9 arcs, overlap limit 0.5, bounding radius 0.5)",
         angular: f"ArcChain('angular 3-0', {angular.patch_count} arcs, overlap limit 0.05, bounding radius 0.",
-        lsm.regular_polyhedron(6): "BallPolyhedron('regular polyhedron of 6 faces', 6 faces, 12 edges, 8 vertices, "
+        lsm.shapes.regular_polyhedron(
+            6
+        ): "BallPolyhedron('regular polyhedron of 6 faces', 6 faces, 12 edges, 8 vertices, "
         "overlap limit 0.05, bounding radius 0.",
-        lsm.clump([(0, 0), (1, 0)], [1.0, 1.0]): "PatchGrain('clump', 2 patches, overlap limit 0.3",
-        lsm.clump([(0, 0)], [1.0]): "PatchGrain('clump', 1 patch, overlap limit 0.5, bounding radius 0.5)",
-        lsm.crossed_bars(): "Union('cross 3', 2 parts, 16 patches, overlap limit 0.0548, bounding radius 0.",
+        lsm.shapes.clump([(0, 0), (1, 0)], [1.0, 1.0]): "PatchGrain('clump', 2 patches, overlap limit 0.3",
+        lsm.shapes.clump([(0, 0)], [1.0]): "PatchGrain('clump', 1 patch, overlap limit 0.5, bounding radius 0.5)",
+        lsm.shapes.crossed_bars(): "Union('cross 3', 2 parts, 16 patches, overlap limit 0.0548, bounding radius 0.",
         angular_aggregate(5, 2, 0.05): "Aggregate(5 pieces, ",
     }
     for grain, start in grains.items():
@@ -38,15 +42,17 @@ def test_equal_fields_do_not_make_shapes_equal():
 
 
 def test_rescaling_multiplies_lengths_and_keeps_the_form(angular):
-    cones = lsm.from_chain(angular)
+    cones = lsm.shapes.from_chain(angular)
     for shape in (angular, cones):
-        large = lsm.rescaled(shape, 3.0)
+        large = lsm.shapes.rescaled(shape, 3.0)
         assert type(large) is type(shape)
         assert large.measure == pytest.approx(9 * shape.measure) and large.inertia == pytest.approx(81 * shape.inertia)
         for field in ("centre", "radius", "bounding_radius", "overlap_limit", "lever"):
             assert getattr(large, field) == pytest.approx(3 * getattr(shape, field)), field
-    solid = lsm.regular_polyhedron(4)
-    assert lsm.from_planes(np.vstack([np.eye(3), -np.eye(3)]), np.ones(6), 0.1).measure == pytest.approx(np.pi / 6)
+    solid = lsm.shapes.regular_polyhedron(4)
+    assert lsm.shapes.from_planes(np.vstack([np.eye(3), -np.eye(3)]), np.ones(6), 0.1).measure == pytest.approx(
+        np.pi / 6
+    )
     assert solid.rescaled(2.0).inertia == pytest.approx(32 * solid.inertia)
     assert solid.rescaled(2.0).normalised().measure == pytest.approx(np.pi / 6)
 
@@ -55,16 +61,16 @@ def test_rescaling_multiplies_lengths_and_keeps_the_form(angular):
 def test_a_factor_that_is_no_length_is_refused(angular, factor):
     message = re.escape(f"factor = {factor}: must be finite and > 0")
     with pytest.raises(InputError, match=message):
-        lsm.rescaled(angular, factor)
+        lsm.shapes.rescaled(angular, factor)
     with pytest.raises(InputError, match=message):
-        lsm.regular_polyhedron(4).rescaled(factor)
+        lsm.shapes.regular_polyhedron(4).rescaled(factor)
     with pytest.raises(InputError, match=message):
         place_part(angular, (0.0, 0.0), 0.0, factor)
 
 
 def test_only_chains_and_patches_are_rescaled_by_the_function():
     with pytest.raises(InputError, match="must be an ArcChain or a PatchGrain"):
-        lsm.rescaled(lsm.regular_polyhedron(4), 2.0)
+        lsm.shapes.rescaled(lsm.shapes.regular_polyhedron(4), 2.0)
 
 
 @pytest.mark.parametrize("value", ["a disc", [[0.0, 0.0], [1.0]], None])
@@ -72,6 +78,6 @@ def test_what_is_no_array_of_numbers_is_refused_by_name(value):
     with pytest.raises(InputError, match="centre"):
         replace(lsm.disc(), centre=value)
     with pytest.raises(InputError, match="vertices"):
-        lsm.from_polygon(value, 0.1)
+        lsm.shapes.from_polygon(value, 0.1)
     with pytest.raises(InputError, match="radii"):
-        lsm.arc_chain([0.0, 2.0, 4.0], value)
+        lsm.shapes.arc_chain([0.0, 2.0, 4.0], value)

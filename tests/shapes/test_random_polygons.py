@@ -26,7 +26,7 @@ def cornered(shape):
 @pytest.mark.parametrize("angularity", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("corner_radius", [0.02, 0.1])
 def test_what_is_asked_for_is_met(elongation, angularity, corner_radius):
-    for shape in lsm.random_polygons(4, 3, corner_radius, (6, 10), elongation, angularity):
+    for shape in lsm.shapes.random_polygons(4, 3, corner_radius, (6, 10), elongation, angularity):
         assert shape.overlap_limit == pytest.approx(corner_radius, abs=2e-10)
         assert shape.measure == pytest.approx(np.pi / 4, rel=1e-12)
         assert aspect(shape) == pytest.approx(elongation, rel=0.2)
@@ -34,7 +34,7 @@ def test_what_is_asked_for_is_met(elongation, angularity, corner_radius):
 
 
 def test_corners_take_over_with_angularity():
-    share = [np.mean([cornered(s) for s in lsm.random_polygons(8, 1, angularity=a)]) for a in (0.0, 0.5, 1.0)]
+    share = [np.mean([cornered(s) for s in lsm.shapes.random_polygons(8, 1, angularity=a)]) for a in (0.0, 0.5, 1.0)]
     assert share[0] < 0.25 < share[1] < 0.75 < share[2]
 
 
@@ -48,9 +48,9 @@ def test_a_square_of_arcs_is_that_of_its_discs():
 
 
 def test_shapes_of_a_seed_do_not_depend_on_the_count():
-    one, three = lsm.random_polygons(1, 5), lsm.random_polygons(3, 5)
+    one, three = lsm.shapes.random_polygons(1, 5), lsm.shapes.random_polygons(3, 5)
     assert np.array_equal(one[0].seam, three[0].seam)
-    assert not np.array_equal(one[0].radius, lsm.random_polygons(1, 6)[0].radius)
+    assert not np.array_equal(one[0].radius, lsm.shapes.random_polygons(1, 6)[0].radius)
 
 
 @pytest.mark.parametrize(
@@ -69,9 +69,9 @@ def test_shapes_of_a_seed_do_not_depend_on_the_count():
 )
 def test_what_is_out_of_range_is_refused(field, value):
     with pytest.raises(InputError, match=field):
-        lsm.random_polygons(**{"count": 1, "seed": 1, field: value})
+        lsm.shapes.random_polygons(**{"count": 1, "seed": 1, field: value})
 
 
 def test_no_grain_is_an_error():
     with pytest.raises(InputError, match="no grain in 20 draws"):
-        lsm.random_polygons(1, 1, corner_radius=0.45, elongation=4.0)
+        lsm.shapes.random_polygons(1, 1, corner_radius=0.45, elongation=4.0)

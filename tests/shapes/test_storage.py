@@ -13,7 +13,7 @@ from taichi_lsm.core.errors import InputError
 
 @pytest.fixture(scope="module")
 def angular():
-    return lsm.random_angular_shapes(1, 3)[0]
+    return lsm.shapes.random_angular_shapes(1, 3)[0]
 
 
 def assert_same(a, b):
@@ -32,28 +32,28 @@ def test_shapes_come_back_from_a_file_bit_for_bit(tmp_path, angular):
         lsm.disc(),
         lsm.sphere(),
         angular,
-        lsm.regular_polyhedron(6),
-        lsm.from_chain(angular, 0.01),
-        lsm.crossed_bars(),
+        lsm.shapes.regular_polyhedron(6),
+        lsm.shapes.from_chain(angular, 0.01),
+        lsm.shapes.crossed_bars(),
     ]
-    lsm.save_shapes(path, shapes)
-    for before, after in zip(shapes, lsm.load_shapes(path), strict=True):
+    lsm.shapes.save_shapes(path, shapes)
+    for before, after in zip(shapes, lsm.shapes.load_shapes(path), strict=True):
         assert type(before) is type(after)
         assert_same(before, after)
     assert xr.open_dataset(path).attrs["title"] == "Grain shapes"
     with netCDF4.Dataset(path, "a") as file:
         file["shape_2"].variables["radius"][3] = np.nan
     with pytest.raises(InputError, match=r"shapes.nc: shape_2: radius"):
-        lsm.load_shapes(path)
+        lsm.shapes.load_shapes(path)
     (tmp_path / "text.nc").write_text("nothing")
     for name, words in (("text.nc", "cannot be read"), ("none.nc", "no such file")):
         with pytest.raises(InputError, match=words):
-            lsm.load_shapes(tmp_path / name)
+            lsm.shapes.load_shapes(tmp_path / name)
 
 
 def test_a_file_that_cannot_be_written_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match=r"none.*cannot be written"):
-        lsm.save_shapes(tmp_path / "none" / "shapes.nc", [lsm.disc()])
+        lsm.shapes.save_shapes(tmp_path / "none" / "shapes.nc", [lsm.disc()])
     with pytest.raises(InputError, match="'a disc' is not one of"):
-        lsm.save_shapes(tmp_path / "shapes.nc", ["a disc"])
+        lsm.shapes.save_shapes(tmp_path / "shapes.nc", ["a disc"])
     assert not list(tmp_path.iterdir())

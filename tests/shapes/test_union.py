@@ -10,21 +10,21 @@ from taichi_lsm.shapes import place_part, union
 
 
 def test_a_union_has_the_mass_of_what_it_covers():
-    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.1, normalise=False)
+    bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.1, normalise=False)
     parts = [place_part(bar, (0.0, 0.0)), place_part(bar, (1.0, 1.0), 0.5 * np.pi)]
     shape = union(parts, normalise=False)
     body = shapely.union_all([shapely.Polygon(p.outline(20000)) for p in parts])
     assert shape.measure == pytest.approx(body.area, rel=1e-7)
     moved = shapely.union_all([shapely.Polygon(p.outline(20000)) for p in shape.members])
     assert np.array(moved.centroid.coords[0]) == pytest.approx((0, 0), abs=1e-6)
-    assert lsm.crossed_bars().stiffness_peak == 2.0
+    assert lsm.shapes.crossed_bars().stiffness_peak == 2.0
     with pytest.raises(InputError, match="hang together"):
         union([place_part(bar, (0.0, 0.0)), place_part(bar, (9.0, 0.0))])
 
 
 def test_parts_may_overlap_round_a_hole():
     """Six bars in a ring: the hole counts against the area, whatever the sense of its points."""
-    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.1, normalise=False)
+    bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.1, normalise=False)
     angles = np.pi / 3 * np.arange(6)
     ring = [place_part(bar, 2.0 * np.array([np.cos(a), np.sin(a)]), a + 0.5 * np.pi) for a in angles]
     body = shapely.union_all([shapely.Polygon(part.outline(20000)) for part in ring])
@@ -33,20 +33,20 @@ def test_parts_may_overlap_round_a_hole():
 
 
 def test_a_part_is_scaled_then_rotated_then_moved():
-    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.1, normalise=False)
+    bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.1, normalise=False)
     part = place_part(bar, (5.0, -1.0), 0.5 * np.pi, 2.0)
     assert part.outline(400).min(axis=0) == pytest.approx([4.0, -4.0], abs=0.1)
     assert part.outline(400).max(axis=0) == pytest.approx([6.0, 2.0], abs=0.1)
 
 
 def test_wrong_parts_are_refused():
-    bar, cube = lsm.regular_polygon(4), lsm.regular_polyhedron(6)
+    bar, cube = lsm.shapes.regular_polygon(4), lsm.shapes.regular_polyhedron(6)
     with pytest.raises(InputError, match="none given"):
         union([])
     with pytest.raises(InputError, match="of one kind"):
         union([bar, cube])
     with pytest.raises(InputError, match="no convex shape"):
-        union([lsm.crossed_bars(), bar])
+        union([lsm.shapes.crossed_bars(), bar])
     with pytest.raises(InputError, match="arc chain of 3 or more arcs"):
         place_part(lsm.disc(), (0.0, 0.0))
     with pytest.raises(InputError, match="must be an angle"):
@@ -54,4 +54,4 @@ def test_wrong_parts_are_refused():
     with pytest.raises(InputError, match=r"rotation has shape \(2, 2\)"):
         place_part(cube, (0.0, 0.0, 0.0), np.eye(2))
     with pytest.raises(InputError, match="arm_ratio = 1"):
-        lsm.crossed_bars(1)
+        lsm.shapes.crossed_bars(1)

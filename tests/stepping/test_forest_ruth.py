@@ -12,7 +12,7 @@ PERIOD = 2.0 * np.pi / np.sqrt(2.0 * scenes.STIFFNESS / MASS)
 
 def oscillating(dt, amplitude=0.02, **more):
     """Two discs that cohesion holds together, with half of DEPTH to oscillate; they never part."""
-    effects = [lsm.LinearElastic(scenes.STIFFNESS), lsm.Cohesion(scenes.STIFFNESS * DEPTH, 0.5)]
+    effects = [lsm.LinearElastic(scenes.STIFFNESS), lsm.effects.Cohesion(scenes.STIFFNESS * DEPTH, 0.5)]
     return scenes.scene([[0, 0], [1 - DEPTH + amplitude, 0]], effects, dt=dt, integrator=lsm.ForestRuth, **more)
 
 

@@ -131,7 +131,7 @@ def test_capacity_is_rounded_by_an_eighth_at_most():
 
 
 def test_shape_table_repeats_the_first_patch_of_every_shape(runtime):
-    shapes = [lsm.disc(), *lsm.random_angular_shapes(3, 1)]
+    shapes = [lsm.disc(), *lsm.shapes.random_angular_shapes(3, 1)]
     table = ChainTable(shapes)
     for row, shape in enumerate(shapes):
         first, patches = table.first_row[row], table.patches[row]

@@ -15,14 +15,18 @@ pytestmark = pytest.mark.usefixtures("runtime")
 REAL = 8 if scenes.PRECISION == "f64" else 4
 EFFECTS = find_effects()
 ELASTIC = [lsm.LinearElastic(1e5)]
-COMPANIONS = {"linear_elastic": [], "hertz": [], "mindlin": [lsm.Hertz(1e5, 0.25)]}  # others stand beside ELASTIC
+COMPANIONS = {
+    "linear_elastic": [],
+    "hertz": [],
+    "mindlin": [lsm.effects.Hertz(1e5, 0.25)],
+}  # others stand beside ELASTIC
 
 
 def case(name, dim):
     """An effect of this name that makes sense in a scene of this dimension beside its companions."""
     if name == "gravity":
         return lsm.Gravity((0.0, -1.0, 0.0)[:dim])
-    return lsm.Mindlin(0.5, 1e5, 0.25) if name == "mindlin" else EFFECTS[name].cases()[0]
+    return lsm.effects.Mindlin(0.5, 1e5, 0.25) if name == "mindlin" else EFFECTS[name].cases()[0]
 
 
 def rows(effects, dim, **more):

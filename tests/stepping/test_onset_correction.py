@@ -13,12 +13,12 @@ STIFFNESS = 2000.0
 def pairs_on_course(dim, rng):
     """Arguments of `scenes.scene`: 200 pairs of random grains in open space, each flying at each other off centre."""
     if dim == 2:
-        shapes, _, diameter = lsm.voronoi_packing(64, 8.0, 1, corner_radius=0.08, gap=0.02)
+        shapes, _, diameter = lsm.shapes.voronoi_packing(64, 8.0, 1, corner_radius=0.08, gap=0.02)
         kind = rng.integers(0, len(shapes), 2 * PAIRS)
         diameter = diameter[kind]
         orientations = {"angle": rng.uniform(0, 2 * np.pi, 2 * PAIRS)}
     else:
-        shapes = lsm.random_angular_polyhedra(6, 3)
+        shapes = lsm.shapes.random_angular_polyhedra(6, 3)
         kind = rng.integers(0, len(shapes), 2 * PAIRS)
         diameter = np.ones(2 * PAIRS)
         orientations = {"orientation": lsm.random_rotations(rng, 2 * PAIRS, 3)}
