@@ -177,7 +177,7 @@ def build(state: State, extras: bool = False, parallel: bool | None = None, patc
         Arcs (2D) or faces tangent to the outline (3D) of every mobile grain; 1 leaves it a disc or sphere.
     """
     dim, count = state.dim, len(state.x)
-    still = [lsm.Fixed()] * dim
+    still: list[Any] = [lsm.Fixed()] * dim
     shapes: list[Any] = [lsm.disc() if dim == 2 else lsm.sphere()]
     orientations: dict[str, Any] = {}
     if patches > 1:
