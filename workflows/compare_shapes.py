@@ -208,7 +208,7 @@ def estimates(table: xarray.Dataset) -> dict[str, Any]:
     for shape in SHAPES:
         own = table.isel(run=(table["shape"].values == shape) & (table.status.values == "complete"))
         if own.sizes["run"]:
-            found[shape] = lsm.combine_replicas(own.friction_mean.values, own.friction_se.values)
+            found[shape] = lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values)
     return found
 
 
@@ -219,7 +219,7 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
         mean = found[shape].mean if shape in found else None
         error = found[shape].standard_error if shape in found else None
         metrics |= {f"friction_{shape}_mean": Metric(mean, "1"), f"friction_{shape}_se": Metric(error, "1")}
-    apart = lsm.difference(found["angular"], found["sphere"]) if len(found) == 2 else None
+    apart = lsm.statistics.difference(found["angular"], found["sphere"]) if len(found) == 2 else None
     metrics["friction_difference"] = Metric(apart and apart.mean, "1")
     metrics["friction_difference_se"] = Metric(apart and apart.standard_error, "1")
     for name, column in WORST.items():

@@ -130,7 +130,7 @@ def build(params: Params, grains: int, seed: int, steps_per_contact: float, sche
     with in_terms_of(of_grains, "lower the corner radius or the gap, or take another seed"):
         shapes, position, diameter, orientations = _packing(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
     if scheme in CONES:
-        shapes = [lsm.from_chain(s, CONES[scheme] * p.missed_seam) for s in shapes]
+        shapes = [lsm.shapes.from_chain(s, CONES[scheme] * p.missed_seam) for s in shapes]
     rng = np.random.default_rng(seed + 100)
     velocity = rng.normal(size=(grains, p.dim)) * p.speed / np.sqrt(p.dim)
     scene = lsm.Scene(
@@ -166,8 +166,8 @@ def _detail(params):
 def _packing(dim, grains, seed, corner_radius, gap, detail):
     """(shapes, positions, sizes, orientations by name) of one packing in tiles: fitted once, used at every step."""
     if dim == 2:
-        return *lsm.voronoi_packing(grains, np.sqrt(grains), seed, corner_radius, gap, detail), {}
-    packing = lsm.laguerre_packing(grains, np.cbrt(grains), seed, corner_radius, gap, chamfers=detail)
+        return *lsm.shapes.voronoi_packing(grains, np.sqrt(grains), seed, corner_radius, gap, detail), {}
+    packing = lsm.shapes.laguerre_packing(grains, np.cbrt(grains), seed, corner_radius, gap, chamfers=detail)
     shapes, position, diameter, orientation = packing
     return shapes, position, diameter, {"orientation": orientation}
 

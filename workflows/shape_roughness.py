@@ -112,7 +112,7 @@ def polygons(params: Params) -> list[tuple[NDArray, shapely.Polygon]]:
 def patch_shape(vertices: NDArray, elements: int, corner_radius: float) -> Any:
     """The polygon as a chain of `elements` arcs; not rescaled."""
     per_corner = elements // SIDES - 1
-    return lsm.from_polygon(
+    return lsm.shapes.from_polygon(
         vertices,
         corner_radius,
         np.radians(WIDTH / (per_corner + 1)),
@@ -147,12 +147,12 @@ def shapes_of(params: Params, kind: str, elements: int) -> tuple[list[Any], floa
             shape = patch_shape(vertices, elements, params.corner_radius)
             outline = shape.outline(4000)
         else:
-            shape = lsm.equal_clump(exact, elements)
+            shape = lsm.shapes.equal_clump(exact, elements)
             discs = shapely.buffer(shapely.points(shape.centre), shape.radius, quad_segs=64)
             outline = shapely.get_coordinates(shapely.get_exterior_ring(shapely.union_all(discs)))
         errors.append(deviation(outline, body))
         size = np.sqrt(4.0 * exact.measure / np.pi)
-        shapes.append(lsm.rescaled(shape, 1.0 / size))
+        shapes.append(lsm.shapes.rescaled(shape, 1.0 / size))
     return shapes, *np.mean(errors, axis=0)
 
 
@@ -252,7 +252,7 @@ def example_outlines(params: Params) -> tuple[NDArray, NDArray]:
     import shapely
 
     vertices, _ = polygons(params)[0]
-    clump = lsm.equal_clump(patch_shape(vertices, 120, params.corner_radius), 30)
+    clump = lsm.shapes.equal_clump(patch_shape(vertices, 120, params.corner_radius), 30)
     discs = shapely.union_all(shapely.buffer(shapely.points(clump.centre), clump.radius, quad_segs=64))
     chain = patch_shape(vertices, 30, params.corner_radius).outline(2000)
     return shapely.get_coordinates(shapely.get_exterior_ring(discs)), chain

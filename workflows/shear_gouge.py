@@ -83,7 +83,7 @@ def simulate(
         run_plots.plot_stopped(out, error)
         raise
     if params.profile:
-        print(lsm.profile_text(sim))
+        print(lsm.runtime_profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1")

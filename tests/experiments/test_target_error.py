@@ -26,7 +26,7 @@ def test_the_true_error_is_within_the_promised_one(shape, tmp_path):
     for folder, params in zip(run_replicas(jobs, 2), long.values(), strict=True):
         metrics = shear_gouge.analyse(lsm.open_run(folder / "run.nc"), params)
         found.append((metrics["friction_mean"].value, metrics["friction_se"].value))
-    truth = lsm.combine_replicas(*np.array(found).T)
+    truth = lsm.statistics.combine_replicas(*np.array(found).T)
     print(f"{shape}: reference {truth.mean:.4f} +- {truth.standard_error:.4f}, target {TARGET[shape]:g}")
     assert truth.standard_error < 0.3 * TARGET[shape]
 

@@ -39,7 +39,7 @@ def hertz() -> list[Any]:
     depth = SPEED * DURATION / HERTZ_TIME
     radius = 0.25  # of two discs of 1 m, reduced
     modulus = 0.5 * (0.5 * MASS) * SPEED**2 * 15.0 / 8.0 / (np.sqrt(radius) * depth**2.5)
-    return [lsm.Hertz(youngs_modulus=2.0 * (1.0 - 0.3**2) * modulus, poissons_ratio=0.3)]
+    return [lsm.effects.Hertz(youngs_modulus=2.0 * (1.0 - 0.3**2) * modulus, poissons_ratio=0.3)]
 
 
 FORCE_LAWS = {"linear": linear, "hertz": hertz}

@@ -74,7 +74,7 @@ def measured(folder: Path, of_run: shear_gouge.Params) -> dict[str, float]:
     dataset = lsm.open_run(folder / "run.nc")
     sheared = dataset.isel(time=dataset.stage.values == 2)
     steady = sheared.isel(time=sheared.shear_strain.values >= of_run.steady_from)
-    friction = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, of_run.steady_from)
+    friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, of_run.steady_from)
     begin = float(dataset.layer_thickness.values[dataset.stage.values < 2][-1])
     first, last = sheared.isel(time=0), sheared.isel(time=-1)
     steps = float(last.time - first.time) / dataset.dt / float(last.shear_strain - first.shear_strain)

@@ -100,7 +100,7 @@ def measure_impacts(params: Params) -> list[Trial]:
     rng = np.random.default_rng(params.seed)
     turns = rng.uniform(0.0, 6.0, (params.impacts, 2))
     for count in (MOST_PATCHES, *PATCHES):
-        shapes, ends = [lsm.ellipse(1.5, count)], []
+        shapes, ends = [lsm.shapes.ellipse(1.5, count)], []
         for angles in turns:
             scene = impact(shapes, np.array([0, 0]), angles)
             if sim is None:
@@ -122,8 +122,8 @@ def measure_impacts(params: Params) -> list[Trial]:
 
 def star(bars: int) -> Any:
     """A grain of `bars` rounded bars through one centre."""
-    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
-    return lsm.union([lsm.place_part(bar, (0.0, 0.0), i * np.pi / bars) for i in range(bars)])
+    bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
+    return lsm.shapes.union([lsm.shapes.place_part(bar, (0.0, 0.0), i * np.pi / bars) for i in range(bars)])
 
 
 def hull_error(bars: int) -> float:

@@ -40,7 +40,7 @@ def print_effects() -> int:
     import taichi_lsm as lsm
 
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
-    for name, effect in lsm.find_effects().items():
+    for name, effect in lsm.effects.find_effects().items():
         case = effect.cases()[0]
         print(f"{name}: {first_line(effect)}")
         print(f"  equation    {effect.equation}")

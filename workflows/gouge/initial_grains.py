@@ -82,7 +82,7 @@ def loose_grains(
     """
     p = params
     if p.shape == "angular":
-        angular = lsm.random_angular_shapes if p.dim == 2 else lsm.random_angular_polyhedra
+        angular = lsm.shapes.random_angular_shapes if p.dim == 2 else lsm.shapes.random_angular_polyhedra
         with in_terms_of(f"--corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"):
             shapes = shapes + angular(min(count, SHAPES[p.dim]), p.seed, p.corner_radius)
     diameter = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
@@ -103,7 +103,7 @@ def breakable_grains(
         f"--pieces {p.pieces}, --corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"
     ):
         kinds = min(count, AGGREGATES)
-        whole = [lsm.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius) for i in range(kinds)]
+        whole = [lsm.shapes.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius) for i in range(kinds)]
     size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     kind = rng.integers(0, len(whole), count)
     reach = np.array([grain.reach for grain in whole])[kind] * size

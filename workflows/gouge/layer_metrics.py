@@ -33,8 +33,8 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     """
     sheared = dataset.isel(time=dataset.stage.values == 2)
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
-    friction = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
-    platen = lsm.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
+    friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
+    platen = lsm.statistics.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
     residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max() / sheared.work_throughput[-1]
     normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
     rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress

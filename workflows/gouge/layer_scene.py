@@ -150,15 +150,15 @@ def effects_of(params: Params) -> list[Effect]:
         lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
     ]
     with in_terms_of("effects", "lsm list --effects shows what there is"):
-        given = lsm.make_effects(p.effects)
+        given = lsm.effects.make_effects(p.effects)
     taken = {effect.role or effect.phase for effect in given}
     usual += [_bond(p)] if p.breakable else []
     return [effect for effect in usual if (effect.role or effect.phase) not in taken] + given
 
 
-def _bond(p: Params) -> lsm.ElasticBrittleBond:
+def _bond(p: Params) -> lsm.effects.ElasticBrittleBond:
     """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
-    return lsm.ElasticBrittleBond(
+    return lsm.effects.ElasticBrittleBond(
         youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
         poissons_ratio=BOND_POISSON,
         cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),

@@ -158,7 +158,7 @@ def jammed_column_energy(bench: Bench) -> float:
 
 def chain(speed: float = 1.05) -> lsm.Scene:
     """A straight chain of bonded discs in its lowest longitudinal mode; speed 1 just strains it to its strength."""
-    bond = lsm.ElasticBrittleBond(youngs_modulus=1e7, poissons_ratio=0.25, cohesion=1e5, friction_angle=0.6)
+    bond = lsm.effects.ElasticBrittleBond(youngs_modulus=1e7, poissons_ratio=0.25, cohesion=1e5, friction_angle=0.6)
     x = np.arange(LINKS + 1) - 0.5 * LINKS
     strain = 1e5 / math.tan(0.6) / 1e7
     sound = math.sqrt(1e7 / MASS)  # [m s-1], of bonds of 1 m
@@ -224,7 +224,7 @@ def layer() -> lsm.Scene:
     return scene_of(
         position,
         effects_of(),
-        shapes=[lsm.disc(), *lsm.random_angular_shapes(8, 6)],
+        shapes=[lsm.disc(), *lsm.shapes.random_angular_shapes(8, 6)],
         shape_index=np.where(mobile, 1 + np.arange(len(position)) % 8, 0),
         diameter=np.where(mobile, rng.uniform(0.75, 0.85, len(position)), 0.8),
         angle=rng.uniform(0.0, 6.0, len(position)),

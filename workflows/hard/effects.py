@@ -40,7 +40,7 @@ def scene(
         lsm.CoulombFriction(friction, 0.5 * STIFFNESS, dynamic),
         lsm.Gravity((0.0, -weight * G)),
     ]
-    effects += [] if dynamic is None else [lsm.RollingResistance(rolling, ROLLING_STIFFNESS)]
+    effects += [] if dynamic is None else [lsm.effects.RollingResistance(rolling, ROLLING_STIFFNESS)]
     return scene_of(position, effects, walls=[FLOOR], **more)
 
 
@@ -72,7 +72,7 @@ def cohesive(speed: float) -> lsm.Scene:
     """Two cohesive discs where the force between them is zero, parting at `speed` [m s-1]."""
     apart = 1.0 - WELL["pull_off_force"] / STIFFNESS
     velocity = 0.5 * speed * np.array([(-1.0, 0.0), (1.0, 0.0)])
-    effects = [lsm.LinearElastic(STIFFNESS), lsm.Cohesion(**WELL)]
+    effects = [lsm.LinearElastic(STIFFNESS), lsm.effects.Cohesion(**WELL)]
     return scene_of(
         [(0.0, 0.0), (apart, 0.0)], effects, velocity=velocity, safety=0.04
     )  # to resolve the edge of escape

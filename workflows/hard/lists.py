@@ -82,7 +82,7 @@ def named_at_start(bench: Bench, scene: lsm.Scene) -> float:
 
 def angular_pair(apart: float) -> lsm.Scene:
     """Two equal angular grains, turned alike, `apart` [m]."""
-    shapes = {"shapes": lsm.random_angular_shapes(1, 1), "shape_index": [0, 0], "angle": np.zeros(2)}
+    shapes = {"shapes": lsm.shapes.random_angular_shapes(1, 1), "shape_index": [0, 0], "angle": np.zeros(2)}
     return scene_of([(0.0, 0.0), (apart, 0.0)], [lsm.LinearElastic(STIFFNESS)], **shapes)
 
 

@@ -24,7 +24,7 @@ def box(length: float, width: float, corner_radius: float = 0.05) -> Any:
     """A rounded rectangle, long axis along x; corner_radius in its equivalent diameter."""
     x, y = 0.5 * length, 0.5 * width
     scale = np.sqrt(4.0 * length * width / np.pi)
-    return lsm.from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * scale)
+    return lsm.shapes.from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * scale)
 
 
 def rotated_outline(shape: Any, angle: float) -> NDArray:
@@ -66,7 +66,7 @@ def grazing_seams(bench: Bench) -> float:
     Where the normal jumps at a seam, every crossing costs or gives energy; here it is continuous, only its rate of
     change jumps.
     """
-    shapes = lsm.random_angular_shapes(8, 1)
+    shapes = lsm.shapes.random_angular_shapes(8, 1)
     rng, worst = np.random.default_rng(1), 0.0
     for _ in range(bench.steps(40, 4)):
         pair = [shapes[i] for i in rng.integers(0, 8, 2)]
@@ -144,7 +144,7 @@ def flakes(bench: Bench) -> float:
 
 def cross_pair(angles: Any, **more) -> lsm.Scene:
     """A cross and a square, or two crosses, as an impact."""
-    return impact((lsm.crossed_bars(), more.pop("other", lsm.crossed_bars())), angles, **more)
+    return impact((lsm.shapes.crossed_bars(), more.pop("other", lsm.shapes.crossed_bars())), angles, **more)
 
 
 @hard("Corner into a re-entrant notch", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
@@ -160,7 +160,7 @@ def into_a_notch(bench: Bench) -> float:
 
 def locked_crosses() -> lsm.Scene:
     """Two crosses with an arm each in a notch of the other, 2 cm apart, moving against each other."""
-    cross = lsm.crossed_bars()
+    cross = lsm.shapes.crossed_bars()
     half = float(rotated_outline(cross, 0.0)[:, 0].max())
     width = 2.0 * half / 3.0  # of a bar: a third of its length
     offset = half + 0.5 * width + 0.02, width + 0.02
@@ -224,7 +224,7 @@ def needles_in_a_crowd(bench: Bench) -> float:
 
     The sum of all errors of contacts and of the dissipated energy may not feed the crowd.
     """
-    shapes = [box(3.0, 1.0), *lsm.random_angular_shapes(6, 2)]
+    shapes = [box(3.0, 1.0), *lsm.shapes.random_angular_shapes(6, 2)]
     return worst_error(bench, crowd(shapes, 0.55, 3, 0.6, 0.5), 200_000, 4000)
 
 
@@ -234,7 +234,7 @@ def sizes_of_grains(bench: Bench) -> float:
 
     The smallest sets the step, the largest the cells, and a small corner meets faces that look like planes.
     """
-    shapes = lsm.random_angular_shapes(6, 2)
+    shapes = lsm.shapes.random_angular_shapes(6, 2)
     scale = np.full(CROWD, 0.08)
     scale[::10] = 1.6
     speed = 0.4 / scale[:, None]  # [m s-1]: as energy is shared equally
@@ -243,8 +243,8 @@ def sizes_of_grains(bench: Bench) -> float:
 
 def stars() -> lsm.Scene:
     """16 grains of two bars crossed at a right angle, as close as their bounding circles let them, at random motion."""
-    bar = lsm.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
-    star = lsm.union([lsm.place_part(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
+    bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
+    star = lsm.shapes.union([lsm.shapes.place_part(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
     rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(16), 4), axis=1)
     motion: dict[str, Any] = {
@@ -278,7 +278,7 @@ def stack(count: int = 4) -> lsm.Scene:
         lsm.ViscousDamping(restitution=0.3),
         lsm.CoulombFriction(0.5, 0.5 * STIFFNESS),
         lsm.Gravity((0.0, -G)),
-        lsm.GlobalDamping(ROCKING),
+        lsm.effects.GlobalDamping(ROCKING),
     ]
     floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
     return scene_of(position, effects, shapes=[slab], angle=np.zeros(count), walls=[floor])

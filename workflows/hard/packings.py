@@ -164,7 +164,7 @@ def any_angular(seed: int) -> lsm.Scene:
     """Any 16 angular grains, drawn like `any_discs`."""
     rng = np.random.default_rng(seed)
     corner, elongation, angularity = rng.uniform(0.05, 0.15), rng.uniform(1.0, 1.8), rng.uniform(0.0, 1.0)
-    shapes = lsm.random_polygons(4, int(rng.integers(1000)), corner, (4, 7), elongation, angularity)
+    shapes = lsm.shapes.random_polygons(4, int(rng.integers(1000)), corner, (4, 7), elongation, angularity)
     return any_grains(rng, shapes, 4, rng.uniform(0.5, 0.9, 16))
 
 

@@ -24,7 +24,7 @@ def box(length: float, width: float, height: float, corner_radius: float = 0.05)
     sides = np.array([length, width, height], float)
     distances = 0.5 * np.concatenate([sides, sides])
     size = (6.0 * sides.prod() / np.pi) ** (1.0 / 3.0)
-    return lsm.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), distances, corner_radius * size)
+    return lsm.shapes.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), distances, corner_radius * size)
 
 
 def turn(axis: NDArray, angle: float) -> NDArray:
@@ -84,7 +84,7 @@ def worst_impact(bench: Bench, scenes: Iterable[lsm.Scene]) -> float:
 def brushing_edges(bench: Bench) -> float:
     """Fast rotation drags the contact over edges and seams at grazing angles within one impact."""
     # first of its file: a compiled simulation has room for the shapes that it was made with
-    shapes = lsm.random_angular_polyhedra(4, 1)
+    shapes = lsm.shapes.random_angular_polyhedra(4, 1)
     rng = np.random.default_rng(2)
 
     def scenes():

@@ -122,7 +122,7 @@ def _sheared(dataset):
 
 def _estimate(table, shape):
     own = table.isel(run=((table["shape"] == shape) & (table.status == "complete")).values)
-    return lsm.combine_replicas(own.friction_mean.values, own.friction_se.values)
+    return lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values)
 
 
 def _name(shape):
@@ -240,7 +240,7 @@ def _draw_friction(axes, sheared, params):
     axes.plot(strain, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
     axes.plot(strain, _smooth(strain, bulk), color=colour, lw=1.7, label=f"bulk, mean over strain {SMOOTH_STRAIN:g}")
     axes.plot(strain, _smooth(strain, platen), "k:", lw=1.2, label="the same at the top platen")
-    steady = lsm.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
+    steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
     axes.plot([params.steady_from, strain[-1]], [steady.mean] * 2, "k", ls=(0, (5, 3)), lw=1.2, label=label)
     axes.set(xlim=(0, strain[-1]), ylim=(0, 1.3 * np.nanmax(bulk)), xlabel="shear strain [1]", ylabel="friction [1]")

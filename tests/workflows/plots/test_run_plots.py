@@ -87,7 +87,7 @@ def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
     drawn = curves(friction)
     assert np.array_equal(drawn["in the bulk"][0], strain)
     assert np.array_equal(drawn["in the bulk"][1], rows.friction.values)
-    steady = lsm.steady_ratio(rows.shear_stress, rows.normal_stress, params.steady_from)
+    steady = lsm.statistics.steady_ratio(rows.shear_stress, rows.normal_stress, params.steady_from)
     label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
     assert np.allclose(drawn[label], [(params.steady_from, strain[-1]), (steady.mean, steady.mean)])
     assert friction.get_xlim() == (0.0, strain[-1]) and friction.get_xlabel() == "shear strain [1]"
