@@ -65,7 +65,7 @@ def few_shapes():
         patch.setattr(initial_grains, "SHAPES", {2: 2, 3: 1})
         patch.setattr(initial_grains, "AGGREGATES", 1)
         for name in ("random_angular_shapes", "random_angular_polyhedra", "angular_aggregate"):
-            patch.setattr(lsm, name, remembered(getattr(lsm, name)))
+            patch.setattr(lsm.shapes, name, remembered(getattr(lsm.shapes, name)))
         yield
 
 
