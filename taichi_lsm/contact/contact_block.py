@@ -18,7 +18,7 @@ PAD = 8  # loops over a block run to a multiple of it, which leaves no scalar re
 
 
 def block_width() -> int:
-    """Pairs of a block; one on a GPU, where neighbouring threads take the place of SIMD lanes."""
+    """Pairs of a block; one on a GPU, where neighbouring threads run side by side."""
     return WIDTH if current().arch == "cpu" else 1
 
 

@@ -184,9 +184,9 @@ def rescaled(shape: Scalable, factor: float) -> Scalable:
     return replace(shape, **lengths, **mass)
 
 
-def counted(count: int, one: str, several: str) -> str:
+def counted(count: int, one: str, many: str) -> str:
     """A number and its noun: '1 patch', '24 patches'."""
-    return f"{count} {one if count == 1 else several}"
+    return f"{count} {one if count == 1 else many}"
 
 
 def frozen_array(field: str, value: ArrayLike) -> NDArray[np.float64]:

@@ -241,18 +241,38 @@ def from_patches(
     e, alpha = number_array("axis", axis), number_array("half_angle", half_angle)
     if p.ndim != 2 or p.shape[1] not in (2, 3):
         raise InputError(f"centre has shape {p.shape}: must be (patches, 2) or (patches, 3)")
-    dim = p.shape[1]
-    _check_patches(dim, p, r, e, alpha)
+    _check_patches(p.shape[1], p, r, e, alpha)
     if measure is None or inertia is None:
-        _check_closed(p, r, e, alpha)
-        measure, centroid, second = surface_moments(*surface_of_patches(p, r, e, alpha))
-        moments, frame = principal_frame(second - measure * np.outer(centroid, centroid))
-        p = p - centroid
-        if dim == 3:
-            p, e = p @ frame, e @ frame
+        p, e, measure, moments = _in_principal_frame(p, r, e, alpha)
     else:
         moments = number_array("inertia", inertia)
+    return _normalised(name, p, r, e, alpha, measure, moments, normalise)
+
+
+def _in_principal_frame(p: NDArray, r: NDArray, e: NDArray, alpha: NDArray) -> tuple[NDArray, NDArray, float, NDArray]:
+    """(centres, axes, measure, moments) of patches about their centre of mass, in 3D along the principal axes."""
+    _check_closed(p, r, e, alpha)
+    measure, centroid, second = surface_moments(*surface_of_patches(p, r, e, alpha))
+    moments, frame = principal_frame(second - measure * np.outer(centroid, centroid))
+    p = p - centroid
+    if p.shape[1] == 3:
+        p, e = p @ frame, e @ frame
+    return p, e, measure, moments
+
+
+def _normalised(
+    name: str,
+    p: NDArray,
+    r: NDArray,
+    e: NDArray,
+    alpha: NDArray,
+    measure: float,
+    moments: NDArray,
+    normalise: bool,
+) -> PatchGrain:
+    """The grain of these patches, rescaled to the equivalent diameter 1 if asked for."""
     check_positive("measure", measure)
+    dim = p.shape[1]
     if normalise:
         unit = np.pi / 4 if dim == 2 else np.pi / 6
         factor = (unit / measure) ** (1.0 / dim)

@@ -22,7 +22,7 @@ def number_array(field: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 def random_generator(seed: Seed) -> Generator:
-    """`numpy.random.default_rng` of the seed; InputError if it takes no such seed."""
+    """`numpy.random.default_rng` for a seed; InputError if it takes no such seed."""
     try:
         return np.random.default_rng(seed)
     except (TypeError, ValueError) as error:

@@ -31,14 +31,18 @@ class ExplicitEuler(VelocityVerlet):
         g, dt = self.grains, self.dt[None]
         load = self.forces.total_load(k)
         g.position[k] = g.position[k] + g.velocity[k] * dt
-        g.velocity[k] = self.kicked(k, g.velocity[k], load.force * (g.inverse_mass[k] * dt), g.inverse_mass[k])
+        g.velocity[k] = self.velocity_after_kick(
+            k, g.velocity[k], load.force * (g.inverse_mass[k] * dt), g.inverse_mass[k]
+        )
         if ti.static(self.spec.oriented):
             change = linear_orientation_change(g.orientation[k], g.angular_velocity[k] * dt)
             g.orientation[k] = g.orientation[k] + change
         if ti.static(self.spec.tumbles):
             inverse = ti.cast(g.inverse_inertia[k], ti.f64)
-            g.angular_momentum[k] = self.kicked_momentum(k, load.torque * dt, inverse)
+            g.angular_momentum[k] = self.momentum_after_kick(k, load.torque * dt, inverse)
             g.angular_velocity[k] = angular_velocity_of(g.orientation[k], g.angular_momentum[k], inverse)
         elif ti.static(self.spec.rotates):
             inverse = g.inverse_inertia[k]
-            g.angular_velocity[k] = self.kicked(k, g.angular_velocity[k], load.torque * (inverse * dt), inverse)
+            g.angular_velocity[k] = self.velocity_after_kick(
+                k, g.angular_velocity[k], load.torque * (inverse * dt), inverse
+            )

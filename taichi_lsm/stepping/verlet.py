@@ -69,15 +69,15 @@ class VelocityVerlet:
         """V += (F time + J)/m and L += torque time + angular impulse, Eqs. (13) and (16)."""
         g = self.grains
         push = load.force * time + load.impulse
-        g.velocity[k] = self.kicked(k, g.velocity[k], push * g.inverse_mass[k], g.inverse_mass[k])
+        g.velocity[k] = self.velocity_after_kick(k, g.velocity[k], push * g.inverse_mass[k], g.inverse_mass[k])
         # In 3D the angular momentum is the state: the angular velocity changes while the body turns without torque.
         if ti.static(self.spec.tumbles):
             push_angular = load.torque * time + load.angular_impulse
-            g.angular_momentum[k] = self.kicked_momentum(k, push_angular, ti.cast(g.inverse_inertia[k], ti.f64))
+            g.angular_momentum[k] = self.momentum_after_kick(k, push_angular, ti.cast(g.inverse_inertia[k], ti.f64))
         elif ti.static(self.spec.rotates):
             inverse = g.inverse_inertia[k]
             push_angular = (load.torque * time + load.angular_impulse) * inverse
-            g.angular_velocity[k] = self.kicked(k, g.angular_velocity[k], push_angular, inverse)
+            g.angular_velocity[k] = self.velocity_after_kick(k, g.angular_velocity[k], push_angular, inverse)
 
     @ti.func
     def drift(self, k, time):
@@ -108,7 +108,7 @@ class VelocityVerlet:
             g.orientation[k] = advanced_orientation(g.orientation[k], g.angular_velocity[k], time)
 
     @ti.func
-    def kicked(self, k, before, change, inverse_inertia):
+    def velocity_after_kick(self, k, before, change, inverse_inertia):
         """Velocity or angular velocity of grain k after the kick and the effects of motion.
 
         The energy that such an effect takes is that of the mean of the velocities before and after it.
@@ -121,8 +121,8 @@ class VelocityVerlet:
         return result
 
     @ti.func
-    def kicked_momentum(self, k, push, inverse):
-        """Angular momentum [kg m2 s-1] of grain k after the angular impulse `push` [N m s], like `kicked`."""
+    def momentum_after_kick(self, k, push, inverse):
+        """Angular momentum [kg m2 s-1] of grain k after the angular impulse `push` [N m s], as for velocities."""
         old, q = self.grains.angular_momentum[k], self.grains.orientation[k]
         result = old + push
         for effect in ti.static(self.forces.motion_effects):
