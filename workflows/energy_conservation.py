@@ -12,7 +12,7 @@ import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,7 +128,8 @@ def build(params: Params, grains: int, seed: int, steps_per_contact: float, sche
     side = grains ** (1.0 / p.dim)
     of_grains = f"--corner-radius {p.corner_radius:g}, --gap {p.gap:g}, --grains {grains}, --seed {seed}"
     with in_terms_of(of_grains, "lower the corner radius or the gap, or take another seed"):
-        shapes, position, diameter, orientations = _packing(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
+        packing: Any = _packing(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
+    shapes, position, diameter, orientations = packing
     if scheme in CONES:
         shapes = [lsm.shapes.from_chain(s, CONES[scheme] * p.missed_seam) for s in shapes]
     rng = np.random.default_rng(seed + 100)

@@ -1,7 +1,7 @@
 """The mobile grains of a gouge layer before consolidation: loose, whole or breakable."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +122,7 @@ def breakable_grains(
     return MobileGrains(shapes, shape_index.ravel(), loose.reshape(-1, 2), diameter.ravel(), rotation, top, bonds)
 
 
-def initial_orientations(rotation: NDArray, glued: int) -> dict[str, NDArray]:
+def initial_orientations(rotation: NDArray, glued: int) -> dict[str, Any]:
     """Orientations of the mobile grains as given, of the `glued` ones none, by the name that `Scene` uses."""
     if rotation.ndim == 1:
         return {"angle": np.concatenate([rotation, np.zeros(glued)])}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,8 @@ def shear(
         Grain steps per second [s-1] after the first row, in which kernels are compiled; nan if there is one row.
     """
     velocity = params.inertial_number / params.inertial_time * layer.thickness
-    sim.platens.set("top", 0, shear_drive(params, velocity, sim.platens.drives[1][1].inertia))
+    platens: Any = sim.platens  # of drives that differ in their attributes
+    platens.set("top", 0, shear_drive(params, velocity, platens.drives[1][1].inertia))
     layer.begin_shear()
     steps_per_row = params.inertial_time / (params.inertial_number * params.rows_per_strain * sim.dt)
     chunk = max(1, round(steps_per_row / SAMPLES_PER_ROW))

@@ -28,7 +28,7 @@ def elastic() -> list[Any]:
 def held_pair(dt: float | None, guards: lsm.Guards | None = None) -> lsm.Scene:
     """Two discs that cohesion holds at the depth HELD, oscillating about it by AMPLITUDE."""
     effects = [*elastic(), lsm.effects.Cohesion(pull_off_force=STIFFNESS * HELD, distance=RANGE)]
-    more = {"guards": guards} if guards else {}
+    more: dict[str, Any] = {"guards": guards} if guards else {}
     return scene_of([[0.0, 0.0], [1.0 - HELD + AMPLITUDE, 0.0]], effects, dt=dt, **more)
 
 
