@@ -105,7 +105,10 @@ class Simulation:
         self.parts = PartTable(scene.shapes, self.grains) if spec.multi_part else None
         self.state = StateView(self.grains, self._energies_changed)
         when_allocated(self._load_scene)
-        self.bonds = self.platens = self.walls = None
+        # None where the scene lists none; typed Any, for a caller knows what its scene lists.
+        self.bonds: Any = None
+        self.platens: Any = None
+        self.walls: Any = None
         if spec.bonds:
             self.bonds = Bonds(spec, scene, bond_effect(self.effects), self.grains, self.domain)
         if spec.platens:

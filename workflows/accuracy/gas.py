@@ -66,7 +66,7 @@ def reference(params: Params) -> tuple[lsm.Simulation, float]:
     """(simulation of the gas of discs at the default settings, its steps per contact)."""
     scene = gas(params, "onset_verlet", 48, params.seed, "discs", dt="default")
     sim = lsm.Simulation(scene, precision=params.precision)
-    return sim, gas(params, "onset_verlet", 1, params.seed, "discs").dt / sim.dt
+    return sim, gas(params, "onset_verlet", 1, params.seed, "discs").chosen_dt() / sim.dt
 
 
 def default_steps_per_contact(params: Params) -> float:

@@ -5,6 +5,7 @@ import inspect
 import json
 from pathlib import Path
 from types import ModuleType
+from typing import Any, cast
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.metrics import FILE, print_summary
@@ -45,7 +46,7 @@ def print_effects() -> int:
         print(f"{name}: {first_line(effect)}")
         print(f"  equation    {effect.equation}")
         print(f"  phase       {effect.phase}")
-        for field in dataclasses.fields(effect):
+        for field in dataclasses.fields(cast(Any, effect)):
             given = "" if field.default is dataclasses.MISSING else f", default {field.default}"
             print(f"  parameter   {field.name} [{effect.units.get(field.name, '?')}]{given}")
         for value in case.history:

@@ -30,7 +30,7 @@ def scene(
     restitution: float = 1.0,
     friction: float = 0.0,
     dynamic: float | None = None,
-    rolling: float | None = 0.0,
+    rolling: float = 0.0,
     **more,
 ) -> lsm.Scene:
     """Two discs above a floor, with `weight` times the gravity G; with a dynamic friction they also resist rolling."""
