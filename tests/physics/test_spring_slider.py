@@ -144,7 +144,7 @@ def test_springs_that_make_no_sense_are_refused(rides):
     sim = rides(lsm.CoulombFriction(MU_S, 0.5 * K, MU_D))
     for drive, message in (
         (lsm.SpringLoadPoint(PULL, 1e5, INERTIA), "stiffness = 100000.0: must be <= inertia/dt"),
-        (lsm.SpringLoadPoint(PULL, SPRING, 3.0), "inertia = 3.0: must be as at the start"),
+        (lsm.SpringLoadPoint(PULL, SPRING, 3.0), "inertia = 3.0: must be 2.0 kg as at the start"),
     ):
         with pytest.raises(lsm.InputError, match=message):
             sim.platens.set("slider", 0, drive)

@@ -184,11 +184,11 @@ def test_a_reader_that_leaves_ends_the_command_quietly(plugins, tmp_path):
     for i in range(5000):  # more lines than a pipe holds
         (tmp_path / f"full/{i:04d}{'x' * 60}").touch()
     write_summary(tmp_path / "full", "toy-run", None, {"drift": Metric(0.02, "1")}, quiet=True)
-    process = start("info", "full")
-    assert process.stdout.readline() != ""
-    process.stdout.close()
-    assert process.wait(timeout=60) == 128 + signal.SIGPIPE
-    assert process.stderr.read() == ""
+    with start("info", "full") as process:
+        assert process.stdout.readline() != ""
+        process.stdout.close()
+        assert process.wait(timeout=60) == 128 + signal.SIGPIPE
+        assert process.stderr.read() == ""
 
 
 def test_a_broken_plugin_is_bad_input(plugins, capsys):
