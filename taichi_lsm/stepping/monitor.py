@@ -27,7 +27,8 @@ class Monitor:
         """former: the monitor of `sim` with smaller storage, whose memory goes on."""
         self.sim, self.grains, self.domain = sim, sim.grains, sim.domain
         self.spec = sim.spec
-        self.contacts = ti.field(ti.i32, sim.grains.slot_of.shape[0])  # of each grain
+        # Contacts of each grain, counted anew at every check.
+        self.contacts = former.contacts if former else ti.field(ti.i32, sim.grains.slot_of.shape[0])
         self.pairs, self.walls = sim.pairs, sim.walls
         self.next_check = self.next_sum = self.check_steps = CHECK_STEPS
         self.bodies = self.first = None
