@@ -16,7 +16,6 @@ from .boundaries.periodic_cell import Domain
 from .boundaries.plane_walls import Walls
 from .boundaries.platens import Platens
 from .contact.error_flags import ErrorFlags
-from .contact.list_validity import ListValidity
 from .contact.neighbour_list import NeighbourList, grown
 from .contact.neighbour_search import NeighbourSearch
 from .contact.pair_geometry import PairGeometry
@@ -34,6 +33,7 @@ from .scene import Scene
 from .stepping.contact_forces import ContactForces
 from .stepping.grain_state import Grains, StateView
 from .stepping.kernel_spec import KernelSpec
+from .stepping.list_validity import ListValidity
 from .stepping.monitor import Monitor
 from .stepping.step_loop_cpu import StepLoopCPU
 from .stepping.step_loop_gpu import StepLoopGPU
@@ -159,13 +159,16 @@ class Simulation:
 
         Numbers of grains and bonds, effects, integrator and periodic axes must be the same and there may be no
         platens; positions, shapes, sizes, lengths of the cell, parameters of the effects, guards and the time step may
-        differ. Raises InputError otherwise.
+        differ. Raises InputError otherwise, and leaves the simulation as it was.
         """
-        other = KernelSpec.of(scene)
+        other, dt = KernelSpec.of(scene), scene.chosen_dt()
         if other != self.spec or self.platens:
             raise InputError(f"Simulation.reset: scene of {other}, must be of {self.spec} without platens")
+        names = [wall.name for wall in scene.walls]
+        if self.walls and names != self.walls.names:
+            raise InputError(f"Simulation.reset: walls {names}, must be {self.walls.names}")
         self.scene, self.skin = scene, scene.skin
-        self.set_time_step(scene.chosen_dt())
+        self.set_time_step(dt)
         self.domain.set_lengths(scene.lengths)
         for bound, effect in zip(self.effects, scene.effects, strict=True):
             bound.write_parameters(effect)
@@ -184,8 +187,9 @@ class Simulation:
     def restart(self, strain: float = 0.0) -> None:
         """Start again from the present positions and velocities, taken to belong to the same time, without a past.
 
-        No contact remembers anything, nothing has been dissipated, no work has been done. strain [1]: of a sheared
-        cell at the start.
+        No contact remembers anything, nothing has been dissipated, no work has been done. Platens and plane walls are
+        at the places where the scene has them; bonds that are broken stay broken. strain [1]: of a sheared cell at the
+        start.
         """
         self.step = 0
         self.error_flags.clear()
@@ -199,6 +203,8 @@ class Simulation:
             self.grains.shear_work.fill(0.0)
         if self.walls:
             self.walls.begin(self.scene.walls)
+        if self.bonds:
+            self.bonds.forget_breaks()
         self.rebuild_neighbours()
         self._start()
 
@@ -209,6 +215,8 @@ class Simulation:
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise InputError(f"Simulation.set_time_step: dt = {dt!r} s, must be > 0")
+        if self.platens:
+            self.platens.set_time_step(float(dt))
         self._dt = float(dt)
         self.integrator.set_time_step(self._dt)
 
@@ -229,9 +237,8 @@ class Simulation:
         scene, state, spec = self.scene, self.state, self.spec
         mass, inertia = scene.masses()
         state.position.from_numpy(scene.position)
-        if spec.sheared:
+        if spec.sheared:  # the mean flow is part of the velocities
             self.domain.set_shear(scene.shear_rate, scene.widest())
-            self.grains.shear_work.fill(0.0)
         state.velocity.from_numpy(scene.velocity + self.domain.mean_flow(scene.position))
         state.platen_index.from_numpy(scene.platen_index)
         state.radius.from_numpy(scene.per_grain("bounding_radius"))
@@ -388,7 +395,8 @@ class Simulation:
             self.freed.begin()
 
     def clear_flags(self) -> None:
-        """Forget what the last launch reported: halts, finished steps, errors."""
+        """Forget what the last launch reported (halts, finished steps, errors) and go on from `step`."""
         for flag in (self.validity.outdated, self.stages.halted, self.stages.steps_done):
             flag[None] = 0
         self.error_flags.clear()
+        self.integrator.restart(self.step)

@@ -84,6 +84,11 @@ class Bonds:
         self.channel = spec.channels - 1  # column of `dissipated`: that of bonds is the last one
         when_allocated(lambda: self.fill(scene))
 
+    def forget_breaks(self) -> None:
+        """No bond broke in the present step: a run starts again."""
+        self.freed.fill(0)
+        self.broke[None] = 0
+
     def fill(self, scene: Any) -> None:
         """Write the bonds of `scene`, all of them intact, with the present placement of the grains as reference.
 
@@ -182,7 +187,7 @@ class Bonds:
         return broken
 
     @ti.func
-    def total_load(self, i):
+    def load_on(self, i):
         """Force [N] and torque [N m] of all bonds on the grain of id i, in the order of the bonds; world frame."""
         force = ti.Vector([ti.cast(0.0, ti.f64)] * self.dim)
         torque = ti.Vector([ti.cast(0.0, ti.f64)] * ti.static(rotation_size(self.dim)))

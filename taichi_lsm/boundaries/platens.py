@@ -121,6 +121,13 @@ class Platens:
         for row in (*self.state, self.force):
             row.fill(0.0)
 
+    def set_time_step(self, dt: float) -> None:
+        """Choose the time step [s]. Raises InputError if a spring is too stiff for it."""
+        for drive in (drive for drives in self.drives for drive in drives):
+            if hasattr(drive, "check_step"):
+                drive.check_step(dt)
+        self.dt = dt
+
     def _write(self, p: int, axis: int, drive: Drive) -> None:
         """Write the values of a drive to the fields that the kernel reads."""
         if hasattr(drive, "check_step"):

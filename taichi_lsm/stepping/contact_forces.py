@@ -379,7 +379,7 @@ class ContactForces(EffectSet):
                     if ti.static(self.spec.has_angular_impulses):
                         load.angular_impulse += pairs.pair_angular_impulse[s]
         if ti.static(self.spec.bonds > 0):
-            bond_force, bond_torque = self.bonds.total_load(g.id[k])
+            bond_force, bond_torque = self.bonds.load_on(g.id[k])
             load.force += bond_force
             load.torque += bond_torque
         if g.platen_index[k] < 0:  # the force on a platen is that of its contacts

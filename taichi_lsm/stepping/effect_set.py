@@ -1,14 +1,26 @@
 """The effects that a scene lists, what they need, and a contact as they see it: composed at compile time."""
 
+from collections.abc import Iterable
+
 from ..core.rotation import rotational_velocity
 from ..core.runtime import ti
-from ..effects import contact_type
+from ..effects import Effect, contact_type
 from ..effects.base import ON_CONTACTS, PHASES
 
 
-def sorted_by_phase(effects):
-    """Effects sorted by phase: tangential ones read the complete normal force."""
+def sorted_by_phase(effects: Iterable[Effect]) -> list[Effect]:
+    """The effects in the order of their phases, for tangential ones read the complete normal force."""
     return sorted(effects, key=lambda e: PHASES.index(e.phase))
+
+
+def energy_channels(effects: Iterable[Effect]) -> list[Effect]:
+    """The effects that dissipate, in the order of the columns of `dissipated`.
+
+    Those of contacts come first, for their losses pass through the contact block; then those of motion; bonds last.
+    """
+    contacts = [e for e in sorted_by_phase(effects) if e.phase in ON_CONTACTS]
+    others = [e for phase in ("motion", "bond") for e in effects if e.phase == phase]
+    return [e for e in contacts + others if e.dissipates]
 
 
 @ti.data_oriented
@@ -32,24 +44,21 @@ class EffectSet:
         self.adds_moment = any(effect.adds_moment for effect in self.contact_effects)
         self.contact_type = contact_type(self.dim, self.contact_effects)
         self.bonds = bonds
-        # Energy channels: effects of contacts first, whose losses pass through the contact block; bonds last.
-        of_contacts = [e for e in self.contact_effects if e.dissipates]
-        self.contact_channel_count = len(of_contacts)
-        self.channels = of_contacts + [e for e in self.motion_effects if e.dissipates]
-        self.channels += [e for e in effects if e.phase == "bond"]
+        self.channels = energy_channels(effects)
+        self.contact_channel_count = sum(e.phase in ON_CONTACTS for e in self.channels)
 
-    def history_slice(self, effect):
+    def history_slice(self, effect: Effect) -> tuple[int, int]:
         """(begin, size) of an effect's values in the pair's history."""
         begin = sum(e.history_size(self.dim) for e in self.contact_effects[: self.contact_effects.index(effect)])
         return begin, effect.history_size(self.dim)
 
-    def channel_of(self, effect):
+    def channel_of(self, effect: Effect) -> int:
         """Column of `dissipated` that holds what an effect dissipates."""
         return self.channels.index(effect)
 
     @ti.func
     def contact_of(self, k, l, s, depth, n, arm_k, arm_l, dt):
-        """The kinematics of the contact in list slot s as the effects see it."""
+        """The contact in list slot s as the effects see it."""
         g = self.grains
         v = self.velocity_at(k, l, arm_k, arm_l)
         normal_angular_velocity = 0.0 * depth

@@ -23,7 +23,7 @@ class ForestRuth(VelocityVerlet):
         super().__init__(spec, forces, dt)
         if current().arch != "cpu":
             raise InputError("Scene.integrator: ForestRuth counts the steps of a launch, which a GPU makes one by one")
-        self.steps = 0  # since the start
+        self.steps_made = 0  # since the start
         self.begun = ti.field(ti.i32, ())  # steps of the present three that were made before this launch
 
     @ti.func
@@ -47,17 +47,17 @@ class ForestRuth(VelocityVerlet):
         """Time [s] of the drift that led to the present positions."""
         return self.dt[None] * self.weight(self.begun[None] + 2)
 
-    def restart(self):
-        """Begin with the first of three steps."""
-        self.steps = 0
-        self.count_steps(0)
+    def restart(self, step: int = 0) -> None:
+        """Begin after so many steps, with the one of three that follows them."""
+        self.steps_made = 0
+        self.count_steps(step)
 
-    def count_steps(self, steps):
-        """Go on by so many steps."""
-        self.steps += steps
-        self.begun[None] = self.steps % 3
+    def count_steps(self, steps: int) -> None:
+        """Count the steps of a launch; the next one begins with the one of three that follows."""
+        self.steps_made += steps
+        self.begun[None] = self.steps_made % 3
 
-    def take_over(self, former):
+    def take_over(self, former: VelocityVerlet) -> None:
         """Go on where another integrator of this class is."""
-        self.steps = former.steps
+        self.steps_made = former.steps_made
         self.count_steps(0)

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..core.fields import NUMPY_TYPES, allocate, orientation_size, rotation_size, rounded_capacity
 from ..core.runtime import ti, when_allocated
 from ..core.schema import Variable
 
 
-def grain_variables(spec):
+def grain_variables(spec: Any) -> list[Variable]:
     """Schema rows of the grain state that a scene of this KernelSpec needs; all are needed to continue a run."""
 
     def row(name, width, dtype, units, long_name):
@@ -47,7 +48,15 @@ def grain_variables(spec):
     if spec.oriented:
         rows.append(row("orientation", "orientation", "f64", "1", "unit complex number (2D) or quaternion (3D)"))
     if spec.tumbles:
-        rows.append(row("angular_momentum", "rotation", "f64", "kg m2 s-1", "the same half a step before, world frame"))
+        rows.append(
+            row(
+                "angular_momentum",
+                "rotation",
+                "f64",
+                "kg m2 s-1",
+                "angular momentum half a step before position, world frame",
+            )
+        )
     if spec.multi_part:
         rows.append(row("built_orientation", "orientation", "f64", "1", "orientation when the list was built"))
     if spec.shaped:
@@ -107,15 +116,15 @@ class Grains:
     def __len__(self):
         return int(self.count[None])
 
-    def has(self, name):
+    def has(self, name: str) -> bool:
         """Whether this scene carries the state row `name`."""
         return name in self.variables
 
-    def column(self, name):
+    def column(self, name: str) -> NDArray:
         """State row `name` as a NumPy array (grain, ...), ordered by persistent id."""
         return getattr(self, name).to_numpy()[self.slots]
 
-    def set_column(self, name, values):
+    def set_column(self, name: str, values: ArrayLike) -> None:
         """Write a state row given in the order of persistent ids."""
         field = getattr(self, name)
         width = (field.n,) if isinstance(field, ti.MatrixField) else ()
@@ -123,7 +132,7 @@ class Grains:
         raw[self.slots] = values
         field.from_numpy(raw)
 
-    def set_order(self, id_of_slot):
+    def set_order(self, id_of_slot: NDArray) -> None:
         """Declare which grain each slot holds; the state rows themselves are not moved."""
         count, capacity = len(id_of_slot), self.slot_of.shape[0]
         padded = np.zeros(capacity, np.int32)
@@ -134,7 +143,7 @@ class Grains:
         self.slot_of.from_numpy(padded)
         self.previous_slot.from_numpy(np.arange(capacity, dtype=np.int32))
 
-    def reorder(self, order):
+    def reorder(self, order: NDArray) -> None:
         """Move the grain of slot order[s] to slot s, in every row. Results do not depend on the order."""
         # Rows beyond the grains in use stay as they are.
         ids = self.id.to_numpy()[: len(self)][order]

@@ -1,10 +1,13 @@
 """What a scene needs: the facts that decide which fields exist and which lines of a kernel are compiled."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from ..contact.pair_storage import pair_variables
 from ..contact.surface_kinds import kind_of
+from ..core.schema import Variable
 from ..effects.base import ON_CONTACTS
+from .effect_set import energy_channels
 from .grain_state import grain_variables
 
 
@@ -51,7 +54,7 @@ class KernelSpec:
     integrator: type | None = None
 
     @classmethod
-    def of(cls, scene):
+    def of(cls, scene: Any) -> "KernelSpec":
         """The KernelSpec of a scene."""
         kind, effects = kind_of(scene.shapes), scene.effects
         shaped, bonded = kind != "sphere", scene.bonds is not None
@@ -66,7 +69,7 @@ class KernelSpec:
             onset=scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in effects),
             sheared=bool(scene.shear_rate),
             reaches=scene.reach() > 0.0,
-            channels=sum(e.dissipates for e in effects) if scene.track_dissipation else 0,
+            channels=len(energy_channels(effects)) if scene.track_dissipation else 0,
             history=sum(e.history_size(scene.dim) for e in effects if e.phase in ON_CONTACTS),
             effects=tuple((type(e).__name__, e.variant) for e in effects),
             bonds=len(scene.bonds) if bonded else 0,
@@ -110,10 +113,10 @@ class KernelSpec:
         """Whether something other than grains moves in a step: platens, plane walls or the sheared cell."""
         return self.platens > 0 or self.walls > 0 or self.sheared
 
-    def grain_rows(self):
+    def grain_rows(self) -> list[Variable]:
         """Schema rows of the grain state."""
         return grain_variables(self)
 
-    def pair_rows(self):
+    def pair_rows(self) -> list[Variable]:
         """Schema rows of a slot of the neighbour list."""
         return pair_variables(self)

@@ -31,13 +31,14 @@ class Monitor:
         self.contacts = former.contacts if former else ti.field(ti.i32, sim.grains.slot_of.shape[0])
         self.pairs, self.walls = sim.pairs, sim.walls
         self.next_check = self.next_sum = self.check_steps = CHECK_STEPS
-        self.bodies = self.first = None
+        self.bodies = self.first_energies = None
         self.highest = 0.0
         if former:
             self.next_check, self.check_steps, self.next_sum = former.next_check, former.check_steps, former.next_sum
-            self.bodies, self.first, self.highest = former.bodies, former.first, former.highest
+            self.bodies, self.highest = former.bodies, former.highest
+            self.first_energies = former.first_energies
 
-    def begin(self):
+    def begin(self) -> None:
         """Start again: a run begins. A time step beyond that of a dense packing is checked from the start on."""
         self.next_check, self.check_steps = self.sim.step + CHECK_STEPS, CHECK_STEPS
         self.bodies = None
@@ -47,9 +48,9 @@ class Monitor:
             self.check_steps = 1
             self._check_grains()
 
-    def forget(self):
+    def forget(self) -> None:
         """The energies have been changed from outside: take their balance anew at the next sum."""
-        self.first, self.highest, self.next_sum = None, 0.0, self.sim.step + BALANCE_STEPS
+        self.first_energies, self.highest, self.next_sum = None, 0.0, self.sim.step + BALANCE_STEPS
 
     @ti.kernel
     def reduce(self, result: ti.types.ndarray()):
@@ -104,7 +105,7 @@ class Monitor:
         g = self.grains
         return ti.select(g.platen_index[k] < 0, self.contacts[k] * ti.cast(g.inverse_mass[k], ti.f64), 0.0)
 
-    def check(self):
+    def check(self) -> None:
         """Make the checks that are due."""
         step = self.sim.step
         if step >= self.next_check:
@@ -114,7 +115,7 @@ class Monitor:
             self.next_sum = step + BALANCE_STEPS
             self._check_energy()
 
-    def check_all(self):
+    def check_all(self) -> None:
         """Check everything now."""
         self._check_grains()
         self._check_energy()
@@ -148,7 +149,7 @@ class Monitor:
             return
         # What was turned over: the highest energy stored so far, changes of potential, work and dissipation.
         now = energies(sim)
-        self.first = first = self.first or now
+        self.first_energies = first = self.first_energies or now
         self.highest = max(self.highest, now.kinetic + abs(now.elastic))
         turnover = self.highest + abs(now.potential - first.potential) + abs(now.work - first.work)
         turnover += max(0.0, now.dissipated - first.dissipated)
@@ -157,12 +158,12 @@ class Monitor:
         if not (error if untracked else abs(error)) <= limit * turnover:
             self._stop(
                 f"the energy balance is lost by {error:g} J, {abs(error) / turnover:.3g} of the {turnover:g} J "
-                f"that were turned over, allowed is {limit:g}; use a smaller time step",
+                f"that were turned over, the limit is {limit:g}; use a smaller time step",
                 [],
                 {"energy_error": error, "energy_turned_over": turnover},
             )
 
-    def check_error_flags(self):
+    def check_error_flags(self) -> None:
         """Stop at an error that a kernel reported, unless its guard is off."""
         found = self.sim.error_flags.pop()
         if found is None:

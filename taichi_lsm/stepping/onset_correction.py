@@ -110,7 +110,7 @@ class OnsetCorrection:
         return contact.normal_force
 
     @ti.func
-    def seam_impulse(self, k, l, s, d, before, last_n, depth, n, arm_k, dt):
+    def seam_impulse(self, k, l, s, d, before, last_normal, depth, n, arm_k, dt):
         """(impulse on l [N s], angular impulses on k and on l [N m s]) in the step in which a contact crosses a seam.
 
         At a seam the radius of curvature jumps, and with it the rate at which the normal turns: force and torques are
@@ -119,14 +119,14 @@ class OnsetCorrection:
         by -c dt^2 zeta(-1, a), c the jump of the rate, as where a contact begins.
         """
         a, b = self.geometry.parts_of(k, l, s)
-        fraction, old_depth, old_n, old_x = self.surface.crossing(a, b, k, l, d, before, last_n, dt)
+        fraction, old_depth, old_normal, old_point = self.surface.crossing(a, b, k, l, d, before, last_normal, dt)
         impulse = 0.0 * n
         angular_impulse_k, angular_impulse_l = torque_of(n, impulse), torque_of(n, impulse)
         if fraction > LEAST_FRACTION and fraction < 1.0 and old_depth > 0.0:
-            f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_n
+            f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_normal
             if (f - old_f).norm() < GREATEST_KINK * f.norm():
                 scale = 0.5 * dt * (fraction - 1.0 + 1.0 / (6.0 * fraction))
                 impulse = scale * (f - old_f)
-                angular_impulse_k = -scale * (torque_of(arm_k, f) - torque_of(old_x, old_f))
-                angular_impulse_l = scale * (torque_of(arm_k - d, f) - torque_of(old_x - d, old_f))
+                angular_impulse_k = -scale * (torque_of(arm_k, f) - torque_of(old_point, old_f))
+                angular_impulse_l = scale * (torque_of(arm_k - d, f) - torque_of(old_point - d, old_f))
         return impulse, angular_impulse_k, angular_impulse_l

@@ -10,8 +10,8 @@ from .thread_team import SPREAD, ThreadTeam
 
 # Stages of a step. A thread that slept through a step must not mistake one stage for another, so that each stage of
 # each step of a launch has counters of its own in the team.
-BOUNDARIES, DRIFT, CONTACTS, BONDS = 0, 1, 2, 3
 STAGES = 4
+BOUNDARIES, DRIFT, BONDS, CONTACTS = range(STAGES)
 MOST_STEPS = 512  # of a launch
 END_OF_LAUNCH = STAGES * (MOST_STEPS + 1)
 GRAIN_STEPS = 4_000_000  # of a launch: short enough to answer a signal at once
@@ -26,23 +26,23 @@ class StepLoopCPU:
         self.scheme, self.validity, self.grains = stages.scheme, stages.validity, stages.grains
         self.team = ThreadTeam(threads, END_OF_LAUNCH + 1)
 
-    def launch(self, count):
+    def launch(self, count: int) -> None:
         """Make up to `count` steps, fewer if the list must be rebuilt or a launch would take long."""
         most = max(1, min(MOST_STEPS, GRAIN_STEPS // len(self.grains)))
         self.steps(min(count, most), WHOLE)
         self.scheme.count_steps(self.stages.steps_done[None])
 
-    def finish_step(self):
+    def finish_step(self) -> None:
         """Contacts of a step that has drifted and then waited for a new list."""
         self.steps(1, RESUMED)
         self.scheme.count_steps(1)
 
-    def start(self):
+    def start(self) -> None:
         """Contacts at the positions of the start of a run; no time passes."""
         self.scheme.restart()
         self.steps(1, STARTED)
 
-    def empty_launch(self):
+    def empty_launch(self) -> None:
         """A launch without a step, of which only the time is of interest."""
         self.steps(0, WHOLE)
 

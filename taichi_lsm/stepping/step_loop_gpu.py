@@ -13,54 +13,76 @@ class StepLoopGPU:
         self.stages, self.spec, self.forces = stages, stages.spec, stages.forces
         self.scheme, self.validity, self.grains = stages.scheme, stages.validity, stages.grains
 
-    def launch(self, count):
+    def launch(self, count: int) -> None:
         """Make up to `count` steps, fewer if the list must be rebuilt."""
         for _ in range(min(count, LAUNCHED_STEPS)):
             self.step()
+        self.scheme.count_steps(self.stages.steps_done[None])
 
-    def finish_step(self):
+    def finish_step(self) -> None:
         """Contacts of a step that has drifted and then waited for a new list."""
         self.contacts_only(self.scheme.dt[None])
+        self.scheme.count_steps(1)
 
-    def start(self):
+    def start(self) -> None:
         """Contacts at the positions of the start of a run; no time passes."""
         self.scheme.restart()
         self.contacts_only(0.0)
 
     @ti.kernel
     def step(self):
-        """One step; does nothing while the list must be rebuilt."""
-        # BOUNDARIES
+        """One step; does nothing while the list must be rebuilt. Each loop over grains is a launch of its own."""
+        self.move_boundaries()
+        self.drift()
+        if ti.static(self.spec.bonds > 0):
+            self.evaluate_bonds()
+        self.count_or_halt()
+        self.evaluate_contacts()
+        if self.stages.halted[None] == 0:
+            self.sum_boundaries(self.scheme.dt[None])
+
+    @ti.func
+    def move_boundaries(self):
+        """BOUNDARIES: kick the platens, move walls and cell; glued grains drift with the others."""
         if self.stages.halted[None] == 0:
             if ti.static(self.spec.platens > 0):
                 self.stages.platens.kick(self.scheme.dt[None])
             self.stages.domain.note_strain()
             self.stages.drift_walls_and_cell(self.scheme.dt[None])
-        # DRIFT
+
+    @ti.func
+    def drift(self):
+        """DRIFT: kick, drift and rotate the mobile grains, move the glued ones with their platens."""
         for k in range(self.grains.count[None]):
             if self.stages.halted[None] == 0:
                 if self.grains.platen_index[k] < 0:
                     self.stages.drift_mobile(k, 0)
                 elif ti.static(self.spec.platens > 0):
                     self.stages.drift_glued(k, 0)
-        # BONDS
-        if ti.static(self.spec.bonds > 0):
-            for k in range(self.grains.count[None]):
-                if self.stages.halted[None] == 0:
-                    self.stages.evaluate_bonds(k, 0)
+
+    @ti.func
+    def evaluate_bonds(self):
+        """BONDS: forces of the bonds at the new positions."""
+        for k in range(self.grains.count[None]):
+            if self.stages.halted[None] == 0:
+                self.stages.evaluate_bonds(k, 0)
+
+    @ti.func
+    def count_or_halt(self):
+        """Halt if the list is outdated, with the contacts of the step missing; else the step counts as done."""
         if self.stages.halted[None] == 0:
             if self.validity.outdated[None] == 1:
                 self.stages.halted[None] = 1
             else:
                 self.stages.steps_done[None] += 1
-        # CONTACTS
+
+    @ti.func
+    def evaluate_contacts(self):
+        """CONTACTS: forces of the contacts at the new positions, a row of the list for each grain."""
         for k in range(self.grains.count[None]):
             if self.stages.halted[None] == 0:
                 block = self.forces.block(0)
                 self.forces.evaluate_rows(block, k, k + 1, self.scheme.dt[None])
-        # End of the step
-        if self.stages.halted[None] == 0:
-            self.sum_boundaries(self.scheme.dt[None])
 
     @ti.kernel
     def contacts_only(self, dt: ti.f64):

@@ -27,17 +27,17 @@ class VelocityVerlet:
         self.dt = ti.field(ti.f64, ())
         when_allocated(lambda: self.set_time_step(dt))
 
-    def set_time_step(self, dt):
+    def set_time_step(self, dt: float) -> None:
         """Choose the time step [s]."""
         self.dt[None] = dt
 
-    def restart(self):
-        """Called at the start of a run."""
+    def restart(self, step: int = 0) -> None:
+        """Begin a run, or go on with one that has made `step` steps; for schemes whose steps differ."""
 
-    def count_steps(self, steps):
-        """Called after so many steps."""
+    def count_steps(self, steps: int) -> None:
+        """Take note of the steps that a launch has made; for schemes whose steps differ."""
 
-    def take_over(self, former):
+    def take_over(self, former: "VelocityVerlet") -> None:
         """Take over what an integrator of the same class remembers beside the state."""
 
     @ti.func
