@@ -19,7 +19,7 @@ LARGE = ("S2_100000", "S3_100000")
 Part = tuple[dict[str, dict[str, Any]], dict[str, str]]
 
 
-def compare(full: bool) -> Part:
+def time_beside_lammps(full: bool) -> Part:
     """Time per step beside LAMMPS.
 
     Small scenes, for which our code uses one thread, are timed on one thread only, in 64 bits; with `full` all scenes
@@ -34,7 +34,7 @@ def compare(full: bool) -> Part:
     return results, {"compare": f"{run.LEGEND}\n{run.table(results)}"}
 
 
-def grow(full: bool) -> Part:
+def time_sizes(full: bool) -> Part:
     """Growth of the time with the number of grains, and memory."""
     rows, metrics = sizes.measure(full, TURNS)
     named = {f"size_{tag}": row for tag, row in rows.items()}
@@ -42,19 +42,19 @@ def grow(full: bool) -> Part:
     return named | metrics, {"sizes": sizes.table(rows) + claimed}
 
 
-def cut(full: bool) -> Part:
+def time_patches(full: bool) -> Part:
     """Cost of the number of patches per grain."""
     groups = shapes.measure(full, TURNS)
     return {f"shape_{row['tag']}": row for rows in groups for row in rows}, {"shapes": shapes.table(groups)}
 
 
-def spread(full: bool) -> Part:
+def time_empty_domain(full: bool) -> Part:
     """Cost of an empty domain."""
     metrics, _ = empty.measure(empty.SCENES, TURNS)
     return metrics, {"empty": bounds.table(metrics)}
 
 
-def begin(full: bool) -> Part:
+def time_start(full: bool) -> Part:
     """Seconds to the first step; with `full` once in 3D too, where a cold start takes minutes."""
     metrics, table = start.measure(start.FLAT, TURNS)
     if full:
@@ -63,13 +63,13 @@ def begin(full: bool) -> Part:
     return metrics, {"start": table}
 
 
-def write(full: bool) -> Part:
+def time_output(full: bool) -> Part:
     """Cost of diagnostics and files."""
     metrics, seconds = output_cost.measure(output_cost.SHAPES)
     return metrics, {"output": f"{output_cost.table(seconds)}\n\n{bounds.table(metrics)}"}
 
 
-def choose(full: bool) -> Part:
+def time_effects(full: bool) -> Part:
     """Cost of every effect; with `full` also in scenes of 100 000 grains on two threads."""
     rows = effects.costs(TURNS)
     metrics = effects.ratios(TURNS, effects.SIZES if full else effects.SIZES[:1])
@@ -78,13 +78,13 @@ def choose(full: bool) -> Part:
 
 
 PARTS: dict[str, Callable[[bool], Part]] = {
-    "compare": compare,
-    "sizes": grow,
-    "empty": spread,
-    "start": begin,
-    "output": write,
-    "shapes": cut,
-    "effects": choose,
+    "compare": time_beside_lammps,
+    "sizes": time_sizes,
+    "empty": time_empty_domain,
+    "start": time_start,
+    "output": time_output,
+    "shapes": time_patches,
+    "effects": time_effects,
 }
 
 
