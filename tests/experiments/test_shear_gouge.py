@@ -9,6 +9,7 @@ from pydantic import ValidationError
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common.parameters import SettingsError, merge
+from workflows.common.refusals import in_terms_of
 from workflows.gouge import stages
 
 SHAPES = ("sphere", "angular")
@@ -55,6 +56,40 @@ def test_contradictions_are_reported_together():
         merge(shear_gouge.Params, options=values)
     text = "\n".join(caught.value.problems)
     assert all(words in text for words in ("--largest-diameter", "--steady-from", "--stiffness-number"))
+
+
+HERTZ = {"name": "hertz", "youngs_modulus": 1e9, "poissons_ratio": 0.3}
+GRAVITY = {"name": "gravity", "acceleration": [0.0, -9.81, 0.0]}
+BOND = {"name": "elastic_brittle_bond", "youngs_modulus": 1e9, "poissons_ratio": 0.2, "cohesion": 1e6} | {
+    "friction_angle": 0.6
+}
+
+
+@pytest.mark.parametrize(
+    ("values", "effect", "words"),
+    [
+        ({"shape": "angular", "dim": 3}, HERTZ, "need one radius of curvature"),
+        ({}, GRAVITY, "must be 2 numbers"),
+        ({}, BOND, "bond"),
+    ],
+)
+def test_effects_that_do_not_suit_the_grains_are_refused_as_effects(values, effect, words):
+    params = shear_gouge.Params(**values, effects=[effect])
+    with pytest.raises(lsm.InputError, match=rf"^effects: refused, as .*{words}.*; lsm list --effects"):
+        shear_gouge.check(params)
+
+
+def test_a_range_of_the_effects_beyond_half_of_the_cell_is_refused_with_the_length():
+    wide = {"name": "cohesion", "pull_off_force": 1.0, "distance": 1e-3}
+    params = shear_gouge.Params(grains=20, length=10, layer_thickness=8, effects=[wide])
+    shear_gouge.check(params)
+    with pytest.raises(lsm.InputError, match=r"^--length 10: refused, as .*must be >= .*make the layer larger"):
+        shear_gouge.build(params)
+
+
+def test_a_programming_error_is_not_reported_as_a_mistake_of_the_user():
+    with pytest.raises(TypeError, match="^no input$"), in_terms_of("--length 6", "make it longer"):
+        raise TypeError("no input")
 
 
 def test_equal_sizes_are_allowed():

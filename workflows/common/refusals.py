@@ -30,7 +30,7 @@ def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflo
 
 @contextmanager
 def in_terms_of(options: str, remedy: str) -> Iterator[None]:
-    """Within this block, what the library refuses is told as a mistake in `options`.
+    """Report what the library refuses within this block as a mistake in `options`.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def in_terms_of(options: str, remedy: str) -> Iterator[None]:
     Raises
     ------
     InputError
-        In place of every ValueError (also InputError) and TypeError.
+        In place of every InputError. Any other exception is a programming error and passes unchanged.
     """
     try:
         yield
-    except (ValueError, TypeError) as error:
+    except InputError as error:
         raise InputError(f"{options}: refused, as {str(error).rstrip('.')}; {remedy}") from error
