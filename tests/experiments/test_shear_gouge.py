@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.common.parameters import SettingsError, merge
+from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of
 from workflows.gouge import stages
 
@@ -17,7 +17,7 @@ SHAPES = ("sphere", "angular")
 
 def test_every_wrong_value_is_reported():
     wrong = {"normal_stress": "-5e6", "shape": "anglar", "grains": "many", "strain": "0"}
-    with pytest.raises(SettingsError) as caught:
+    with pytest.raises(ParameterError) as caught:
         merge(shear_gouge.Params, options=wrong)
     text = "\n".join(caught.value.problems)
     assert "--normal-stress -5e6: must be a number, from 0.001 to 1e+12." in text
@@ -52,7 +52,7 @@ def test_contradictions_are_reported_together():
         "stiffness_number": 100.0,
         "corner_radius": 0.02,
     }
-    with pytest.raises(SettingsError) as caught:
+    with pytest.raises(ParameterError) as caught:
         merge(shear_gouge.Params, options=values)
     text = "\n".join(caught.value.problems)
     assert all(words in text for words in ("--largest-diameter", "--steady-from", "--stiffness-number"))
@@ -248,7 +248,7 @@ def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeyp
 
 
 def test_a_broken_rule_between_fields_is_reported_beside_a_wrong_field():
-    with pytest.raises(SettingsError) as raised:
+    with pytest.raises(ParameterError) as raised:
         merge(shear_gouge.Params, options={"shape": "cubes", "smallest_diameter": "2e-4"})
     assert len(raised.value.problems) == 2
     assert "cubes" in raised.value.problems[0] and "no size is left" in raised.value.problems[1]

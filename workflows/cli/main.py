@@ -20,7 +20,7 @@ from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
 from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
-from workflows.common.parameters import DEFAULT_PRESET, Params, SettingsError, merge, nearest, option_name
+from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 
 COMPLETE, FAILED, BAD_INPUT = 0, 1, 2
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -264,7 +264,7 @@ def execute(
 
 def _problems_of(error: InputError) -> list[str]:
     """One line for each mistake of the user."""
-    return error.problems if isinstance(error, SettingsError) else [str(error)]
+    return error.problems if isinstance(error, ParameterError) else [str(error)]
 
 
 def _failure_of(error: Exception) -> str:
