@@ -119,14 +119,36 @@ def check(params: Params) -> None:
         With the options, their values and what fits.
     """
     if params.dim == 2 and params.order_grains <= MOST_PROBED:
-        build(params, params.order_grains, params.seed, 50, "onset_verlet")
+        build(params, params.order_grains, params.seed, 50, "onset_verlet", "--order-grains")
 
 
-def build(params: Params, grains: int, seed: int, steps_per_contact: float, scheme: str) -> lsm.Scene:
-    """One elastic gas; `steps_per_contact` fixes the step through the contact duration pi sqrt(m/(2k))."""
+def build(
+    params: Params, grains: int, seed: int, steps_per_contact: float, scheme: str, option: str | None = None
+) -> lsm.Scene:
+    """One elastic gas.
+
+    Parameters
+    ----------
+    params
+        Of the experiment.
+    grains, seed
+        Number of grains; seed of packing and velocities.
+    steps_per_contact
+        Contact duration pi sqrt(m/(2k)) over the time step [1].
+    scheme
+        Key of SCHEMES or CONES.
+    option
+        Option that gave `grains`, for the message of a refusal; None finds it by the value.
+
+    Raises
+    ------
+    InputError
+        If no grain fits into a tile with this corner radius and gap.
+    """
     p = params
+    option = option or ("--grains" if grains == p.grains else "--order-grains")
     side = grains ** (1.0 / p.dim)
-    of_grains = f"--corner-radius {p.corner_radius:g}, --gap {p.gap:g}, --grains {grains}, --seed {seed}"
+    of_grains = f"--corner-radius {p.corner_radius:g}, --gap {p.gap:g}, {option} {grains}, --seed {seed}"
     with in_terms_of(of_grains, "lower the corner radius or the gap, or take another seed"):
         packing: Any = _packing(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
     shapes, position, diameter, orientations = packing

@@ -88,7 +88,7 @@ def test_a_range_of_the_effects_beyond_half_of_the_cell_is_refused_with_the_leng
 
 
 def test_a_programming_error_is_not_reported_as_a_mistake_of_the_user():
-    with pytest.raises(TypeError, match="^no input$"), in_terms_of("--length 6", "make it longer"):
+    with pytest.raises(TypeError, match=r"^no input$"), in_terms_of("--length 6", "make it longer"):
         raise TypeError("no input")
 
 

@@ -32,7 +32,7 @@ def gas(
     """The elastic gas of `energy_conservation`, of arcs, or of as many equal discs on a lattice of the same cell."""
     of_gas = energy_conservation.Params(seed=seed)
     known = scheme if scheme in energy_conservation.SCHEMES else "onset_verlet"
-    scene = energy_conservation.build(of_gas, params.gas_grains, seed, per_contact, known)
+    scene = energy_conservation.build(of_gas, params.gas_grains, seed, per_contact, known, "--gas-grains")
     scene.integrator = getattr(lsm, CLASSES[scheme])
     scene.guards = lsm.Guards(energy=None, step=None)
     if body == "discs":

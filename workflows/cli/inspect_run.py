@@ -13,6 +13,8 @@ from workflows.common.parameters import nearest
 
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
+FORMER_KEY = "figures"  # of summary.json, in place of "metrics"
+
 
 class NoRunError(InputError):
     """The folder is missing, or holds no file of a run."""
@@ -77,15 +79,24 @@ def print_info(folder: Path) -> int:
         print(f"{name}: {value}")
     if (folder / FILE).is_file():
         print()
-        try:
-            print_summary(json.loads((folder / FILE).read_text(encoding="utf-8")))
-        except (ValueError, KeyError, TypeError, AttributeError):
-            print(f"{FILE}: unreadable")
+        _print_metrics(folder / FILE)
     print("\nFiles:")
     width = max(len(str(p.relative_to(folder))) for p in files)
     for path in files:
         print(f"  {path.relative_to(folder)!s:{width}}  {_contents(path)}".rstrip())
     return 0
+
+
+def _print_metrics(path: Path) -> None:
+    """Print the metrics of summary.json, or why they cannot be shown."""
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if "metrics" not in summary and FORMER_KEY in summary:
+            print(f"{FILE}: made by an earlier version, which wrote `{FORMER_KEY}` for `metrics`; repeat the run")
+        else:
+            print_summary(summary)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        print(f"{FILE}: unreadable")
 
 
 def _attributes(folder: Path) -> dict:
