@@ -1,8 +1,8 @@
 """What accuracy costs in time: error and cost of every choice that trades one for the other.
 
 Integrators and time steps, precision, force law, neighbour skin; patches and discs per grain, corner radius; stiffness
-and inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to our own discs
-at the default settings, timed in turn with nothing else running.
+and inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to those of
+discs at the default settings, timed in rotation with nothing else running.
 """
 
 from __future__ import annotations
@@ -162,9 +162,9 @@ def check(params: Params) -> None:
 def numerical(params: Params, report: Report) -> list[Trial]:
     """Trials of integrators, steps, precision, force law and skin."""
     trials = []
-    for law in collisions.FORCE_LAWS:
-        trials += in_fresh_process(collisions.measure_collisions, params, law)
-        report("collisions", f"{law} force law")
+    for force_law in collisions.FORCE_LAWS:
+        trials += in_fresh_process(collisions.measure_collisions, params, force_law)
+        report("collisions", f"{force_law} force law")
     trials += in_fresh_process(collisions.measure_rack, params)
     report("rack", "ten discs")
     of_gas = in_fresh_process(gas.measure_gas, params, "first") + in_fresh_process(gas.measure_gas, params, "second")
@@ -229,9 +229,9 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
     after, during, drift = "energy after a collision", "energy during a collision", "energy drift of a gas"
     explicit, symplectic = order("explicit_euler", drift), order("symplectic_euler", during)
     verlet, onset = order("velocity_verlet", after), order("onset_verlet", after)
-    ours = found["onset_verlet", drift]
-    at = int(np.argmin(np.abs(ours.value - 48)))
-    of_paper = found["symplectic_euler", drift].cost_at(ours.error[at]) / ours.relative[at]
+    reference = found["onset_verlet", drift]
+    at = int(np.argmin(np.abs(reference.value - 48)))
+    of_paper = found["symplectic_euler", drift].cost_at(reference.error[at]) / reference.relative[at]
     metrics = {
         "order_explicit_euler": Metric(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
         "order_symplectic_euler": Metric(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),

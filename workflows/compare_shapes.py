@@ -230,7 +230,7 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
 
 
 def table_text(table: xarray.Dataset) -> str:
-    """One line per run, for people."""
+    """The runs as plain text, one line each below the titles."""
     titles = ("shape", "seed", "status", "friction", "error", "samples", "at platen", "I", "energy residual")
     lines: list[tuple[str, ...]] = [titles]
     for row in (table.isel(run=i) for i in range(table.sizes["run"])):

@@ -311,10 +311,10 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
     printed = values("explicit_euler", "drift", 50)[0]
     metrics["verlet_drift_50"] = Metric(verlet, "1")
     metrics["symplectic_euler_drift_50"] = Metric(euler, "1")
-    ours = root_mean_square(values("onset_verlet", "drift", 50))
+    onset = root_mean_square(values("onset_verlet", "drift", 50))
     metrics["paper_scheme_drift"] = Metric(printed, "1")
-    metrics["gain_over_paper_scheme"] = Metric(printed / ours if ours else np.inf, "1")
-    metrics["gain_over_paper"] = Metric(PUBLISHED_DRIFT / ours if ours else np.inf, "1")
+    metrics["gain_over_paper_scheme"] = Metric(printed / onset if onset else np.inf, "1")
+    metrics["gain_over_paper"] = Metric(PUBLISHED_DRIFT / onset if onset else np.inf, "1")
     for scheme in CONES if dim == 2 else ():
         for per_contact in (50, 200):
             metrics[f"{scheme}_drift_{per_contact}"] = Metric(values(scheme, "plateau", per_contact)[0], "1")

@@ -123,7 +123,7 @@ def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compar
     assert all(axes.collections for axes in (round_layer, angular_layer))
 
 
-def test_the_table_for_people_has_a_line_per_run(compared):
+def test_the_printed_table_has_a_line_per_run(compared):
     lines = compare_shapes.table_text(compared[1]).splitlines()
     assert len(lines) == 5
     assert lines[1].split()[:3] == ["sphere", "1", "complete"]

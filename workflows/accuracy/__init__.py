@@ -1,7 +1,7 @@
 """Choices that trade accuracy for time, and the trials that measure both.
 
 A module of this package has functions that measure some parameters and return Trials. Each is called in a process
-of its own, beside which nothing else runs where costs are timed: costs are times of a core, taken in turn, as medians.
+of its own, and alone where costs are timed: costs are medians of processor times, measured in rotation.
 Errors are taken against a closed form, or a reference that the same call computes with the most accurate setting.
 """
 
@@ -36,7 +36,7 @@ class Trial:
     cost
         Time of one core for a second of the physical time of one grain, or for a unit of strain of a layer [s].
     relative
-        That over the cost of our own discs at the default settings [1].
+        `cost` over that of discs at the default settings [1].
     """
 
     parameter: str

@@ -96,7 +96,7 @@ def measure_gas(params: Params, group: str) -> list[Trial]:
 
 def measure_lists(params: Params) -> list[Trial]:
     """Trials of the skin: whether any position differs, and what it costs, by the gas of discs."""
-    trials, ways = [], {}
+    trials, positions = [], {}
     sim, usual = reference(params)
     scenes = {skin: gas(params, "onset_verlet", 48, params.seed, "discs") for skin in SKINS}
     for skin, scene in scenes.items():
@@ -109,10 +109,10 @@ def measure_lists(params: Params) -> list[Trial]:
             sim.run(params.timed_steps)
             if turn:
                 taken[skin].append((time.process_time() - began) / params.timed_steps / len(sim))
-            ways[skin] = sim.state.position.to_numpy()
+            positions[skin] = sim.state.position.to_numpy()
     default = float(np.median(taken[0.07]))
     for skin in SKINS:
-        error, cost = float(np.abs(ways[skin] - ways[0.07]).max()), float(np.median(taken[skin]))
+        error, cost = float(np.abs(positions[skin] - positions[0.07]).max()), float(np.median(taken[skin]))
         where = ("skin", f"{skin:g} d", skin, "difference of positions", 0)
         trials.append(Trial(*where, error, cost * usual, cost / default))
     return trials

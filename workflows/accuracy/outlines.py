@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump
-CORNERS = (0.2, 0.1, 0.05, 0.03)  # radius, in diameters
 SHARPEST = 0.02
 LAYER = {"layer_thickness": 8.0, "length": 8.0, "inertial_number": 1e-2, "strain": 1.2}  # in which shapes are timed
 STIFFNESS = 1e7  # [N m-1], of impacts
@@ -68,7 +67,7 @@ def measure_layer(params: Params, kind: str, count: Any) -> tuple[float, float, 
 
 
 def trials_of(rows: dict[Any, list[Any]]) -> list[Trial]:
-    """Trials from {(kind, count): [what `measure_layer` gave, by turn]}, with ("round", 0) for the discs."""
+    """Trials from {(kind, count): results of `measure_layer`, one per repetition}; discs are ("round", 0)."""
 
     def cost(of_kind):
         return float(np.median([seconds / step for _, seconds, step, _ in of_kind]))
@@ -84,7 +83,7 @@ def trials_of(rows: dict[Any, list[Any]]) -> list[Trial]:
 
 
 def impact(shapes: Sequence[Any], pair: NDArray, angles: ArrayLike) -> lsm.Scene:
-    """Two grains, of the rows `pair` of `shapes`, turned by `angles` [rad], that meet off their axis."""
+    """Two grains, of the rows `pair` of `shapes`, at the angles [rad] `angles`, that collide off their axis."""
     velocity = 0.5 * SPEED * np.array([(1.0, 0.0), (-1.0, 0.0)])
     more = {"shapes": shapes, "shape_index": pair, "angle": angles, "velocity": velocity, "safety": 0.1}
     return scene_of([(0.0, 0.0), (1.3, 0.25)], [lsm.LinearElastic(STIFFNESS)], **more)
@@ -98,10 +97,10 @@ def measure_impacts(params: Params) -> list[Trial]:
     """
     trials, results, sim = [], {}, None
     rng = np.random.default_rng(params.seed)
-    turns = rng.uniform(0.0, 6.0, (params.impacts, 2))
+    orientations = rng.uniform(0.0, 6.0, (params.impacts, 2))
     for count in (MOST_PATCHES, *PATCHES):
         shapes, ends = [lsm.shapes.ellipse(1.5, count)], []
-        for angles in turns:
+        for angles in orientations:
             scene = impact(shapes, np.array([0, 0]), angles)
             if sim is None:
                 sim = lsm.Simulation(scene)

@@ -34,7 +34,7 @@ def plugin_folder() -> Path | None:
 
 
 def workflow_files() -> list[Path]:
-    """The files that define a workflow, ours first; read, but not imported."""
+    """The files that define a workflow, those of this package first; read, but not imported."""
     found = [path for path in sorted(HERE.glob("*.py")) if is_workflow(path)]
     folder = plugin_folder()
     if folder is None:
@@ -67,7 +67,7 @@ def is_workflow(path: Path) -> bool:
 
 
 def load_path() -> None:
-    """Make the plugins' modules importable as `workflows.<name>`; ours are found first."""
+    """Make the plugins' modules importable as `workflows.<name>`; those of this package are found first."""
     folder = plugin_folder()
     if folder is not None and str(folder) not in workflows.__path__:
         workflows.__path__.append(str(folder))

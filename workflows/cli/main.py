@@ -79,7 +79,7 @@ def _parse_problem(error: CycloptsError) -> str:
         return f"{token}: unknown command, must be one of {', '.join(names)}.{nearest(token, names)}"
     if isinstance(error, UnusedCliTokensError):
         return f"{' '.join(error.unused_tokens or ())}: unexpected; every value follows its option."
-    error.verbose = False  # or the text names our functions and their files
+    error.verbose = False  # or the message names functions and files of the program
     return str(error)
 
 
@@ -98,12 +98,12 @@ def version_text() -> str:
         except metadata.PackageNotFoundError:
             return None
 
-    ours = of("taichi-lsm")
-    if ours is None:  # run from a source tree that is not installed
+    version = of("taichi-lsm")
+    if version is None:  # run from a source tree that is not installed
         import taichi_lsm
 
-        ours = taichi_lsm.__version__
-    return f"taichi-lsm {ours}\nTaichi {of('taichi') or 'not installed'}\nPython {platform.python_version()}"
+        version = taichi_lsm.__version__
+    return f"taichi-lsm {version}\nTaichi {of('taichi') or 'not installed'}\nPython {platform.python_version()}"
 
 
 def build_app(found: dict[str, ModuleType]) -> App:
@@ -255,7 +255,7 @@ def execute(
             _remove_empty(made)
             return _complain(_problems_of(error))
         except (SimulationError, MemoryError, OSError) as error:
-            if isinstance(error, BrokenPipeError):  # who read the output has left: `main` ends quietly
+            if isinstance(error, BrokenPipeError):  # the output is no longer read: `main` ends quietly
                 raise
             _complain([_failure_of(error)])
             return FAILED

@@ -1,4 +1,4 @@
-"""Metrics of a run, as summary.json for programs and as a table for people."""
+"""Metrics of a run, as summary.json and as a printed table."""
 
 import json
 import math
@@ -77,7 +77,7 @@ def write_summary(
     path = Path(out) / FILE
     partial = path.with_name(FILE + ".partial")
     partial.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(partial, path)  # a reader sees the old file or the new one, never half of one
+    os.replace(partial, path)  # the file is the old or the new one at any time, never half of one
     if not quiet:
         print_summary(summary)
     return summary

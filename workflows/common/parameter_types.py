@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-# One and many of it.
+# Singular and plural.
 NOUNS = {
     bool: ("true or false", "true or false"),
     int: ("an integer", "integers"),
@@ -79,7 +79,7 @@ def split_list(annotation: Any, value: Any) -> Any:
 
 
 def metavar(annotation: Any) -> str:
-    """What stands for the value in a help text: --grains INTEGER."""
+    """Placeholder of the value in a help text, as in --grains INTEGER."""
     if kind(annotation) == "list":
         return "LIST"
     first = members(annotation)[0]
@@ -114,7 +114,7 @@ def limits(metadata: list) -> str:
 
 
 def _digits(bound: float) -> str:
-    """A bound as text: an integer with all its digits, as users compare theirs with it."""
+    """A bound as text: an integer with all its digits, others shortened."""
     return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 

@@ -205,7 +205,7 @@ def _explain(error: pydantic.ValidationError, params_class: type[Params], values
             wrong = _nested(params_class, loc, item, reason)
             messages[loc] = f"{place} = {_shown(item['input'])}{source}: {wrong}"
         else:
-            # Every alternative of a union and every item of a list complains: the reader made one mistake.
+            # Every alternative of a union and every item of a list has its error, for one mistake.
             must = f"must be {allowed(field)}" if item["type"].endswith(EXPLAINED) else reason
             hint = nearest(item["input"], choices(field.annotation))
             shown = _shown(values.get(name, field.default))

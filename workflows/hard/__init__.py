@@ -119,13 +119,13 @@ def worst_balance(sim: lsm.Simulation, steps: int, samples: int = 20) -> float:
 
 
 def error_of_impact(bench: Bench, scene: lsm.Scene, most: int = 20000) -> float:
-    """abs(energy after the grains have met and parted over that before - 1)."""
+    """abs(energy after the impact over that before it - 1) [1]."""
     sim = bench.simulate(scene)
     start, before = lsm.energies(sim).balance, sim.state.velocity.to_numpy()
     for _ in range(most // 50):
         sim.run(50)
-        met = (sim.state.velocity.to_numpy() != before).any()
-        if met and sim.measure.sums()["contact_count"] == 0:
+        begun = (sim.state.velocity.to_numpy() != before).any()
+        if begun and sim.measure.sums()["contact_count"] == 0:
             return abs(lsm.energies(sim).balance / start - 1.0)
     raise lsm.SimulationError(f"no impact began and ended within {most} steps")
 

@@ -279,11 +279,11 @@ def crept(bench: Bench) -> Any:
     before, tension = height(sim), float(sim.platens.force.to_numpy()[1, 0])
     sim.run(half)
     load = STRESS * sim.platens.area
-    turn = sim.state.orientation.to_numpy()
+    orientation = sim.state.orientation.to_numpy()
     return (
         abs(height(sim) - before),
         abs(float(sim.platens.force.to_numpy()[1, 0]) - tension) / load,
-        float(np.abs(np.linalg.norm(turn, axis=1) - 1.0).max()),
+        float(np.abs(np.linalg.norm(orientation, axis=1) - 1.0).max()),
     )
 
 
@@ -304,7 +304,7 @@ def creep_of_the_friction(bench: Bench) -> float:
 
 @hard("Orientations over millions of steps", "error of the length of the unit complex numbers", 1e-14)
 def orientations_stay_unit(bench: Bench) -> float:
-    """Each step multiplies the orientation of a grain by a small turn; in many codes its length drifts by rounding."""
+    """Each step multiplies the orientation of a grain by a small rotation; in many codes its length drifts."""
     return crept(bench)[2]
 
 
