@@ -35,7 +35,7 @@ def test_every_wrong_value_is_reported():
         ({"shape": "sphere", "breakable": True}, "--breakable needs --shape angular --dim 2"),
         ({"shape": "angular", "dim": 3, "breakable": True}, "not --shape angular --dim 3"),
         ({"dim": 3, "platen_diameter": 1.5}, "--platen-diameter 1.5 must be <= 1 in 3D"),
-        ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error knows layers of whole grains"),
+        ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error is for layers of whole grains"),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
     ],
 )

@@ -30,7 +30,7 @@ STARS = 8  # along each side of their gas
 
 
 def polygons(params: Params, corner_radius: float = 0.05) -> shape_roughness.Params:
-    """What `shape_roughness` compares: its parameters, with this corner radius."""
+    """Parameters of `shape_roughness` with this corner radius."""
     return shape_roughness.Params(seed=params.seed, corner_radius=corner_radius)
 
 
@@ -92,8 +92,8 @@ def impact(shapes: Sequence[Any], pair: NDArray, angles: ArrayLike) -> lsm.Scene
 def measure_impacts(params: Params) -> list[Trial]:
     """Trials of the motion after impacts of ellipses of more and more patches, without costs.
 
-    Of polygons it would not converge: with more patches their sides become flatter, and where two flat sides touch
-    depends on that and not on the outline.
+    For polygons it would not converge: with more patches their sides become flatter, and the contact point of two flat
+    sides depends on that and not on the outline.
     """
     trials, results, sim = [], {}, None
     rng = np.random.default_rng(params.seed)
@@ -126,7 +126,7 @@ def star(bars: int) -> Any:
 
 
 def hull_error(bars: int) -> float:
-    """Greatest distance [diameters] between the outline of a star and its convex hull, which could stand for it."""
+    """Greatest distance [diameters] between the outline of a star and its convex hull, which could replace it."""
     import shapely
 
     outlines = [part.outline(2000) for part in star(bars).parts]
@@ -137,7 +137,7 @@ def hull_error(bars: int) -> float:
 
 
 def gas_of(shape: Any, seed: int) -> lsm.Scene:
-    """STARS^2 grains of this shape in a periodic square, as close as their bounding circles let them, flying about."""
+    """STARS^2 grains in a periodic square, as close as their bounding circles allow, at random velocities."""
     rng, count = np.random.default_rng(seed), STARS**2
     pitch = 2.02 * shape.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(count), STARS), axis=1)
@@ -150,7 +150,7 @@ def gas_of(shape: Any, seed: int) -> lsm.Scene:
 
 
 def measure_parts(params: Params) -> list[Trial]:
-    """Trials of non-convex grains: what their hull would get wrong, and their cost in a gas over that of discs."""
+    """Trials of non-convex grains: shape error of their hull, and cost in a gas over that of discs."""
     sims = {bars: lsm.Simulation(gas_of(star(bars), params.seed)) for bars in BARS}
     sims[0] = lsm.Simulation(gas_of(lsm.disc(), params.seed))
     taken = seconds_per_step(sims, params.timed_steps, params.turns)

@@ -75,7 +75,7 @@ def load_path() -> None:
 
 
 def find_workflows() -> dict[str, ModuleType]:
-    """Command name -> module of every workflow; raises DiscoveryError naming the file that is at fault."""
+    """Command name -> module of every workflow; raises DiscoveryError that names the file."""
     load_path()
     found = {}
     for path in workflow_files():

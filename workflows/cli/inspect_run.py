@@ -1,4 +1,4 @@
-"""What `lsm list` and `lsm info` show."""
+"""Output of `lsm list` and `lsm info`."""
 
 import dataclasses
 import inspect
@@ -39,7 +39,7 @@ def print_list(workflows: dict[str, ModuleType]) -> int:
 
 
 def print_effects() -> int:
-    """Print every effect: equation, parameters with units, what it remembers, and what it was measured to cost."""
+    """Print equation, parameters with units, history per contact and measured cost of every effect."""
     import taichi_lsm as lsm
 
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
@@ -53,7 +53,7 @@ def print_effects() -> int:
             print(f"  parameter   {field.name} [{effect.units.get(field.name, '?')}]{given}")
         for value in case.history:
             sizes = " or ".join(f"{8 * value.size(dim)} bytes in {dim}D" for dim in (2, 3))
-            print(f"  remembers   {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
+            print(f"  history     {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
         cost = saved["effects"].get(name)
         if cost:
             print(
@@ -63,7 +63,7 @@ def print_effects() -> int:
         else:
             print("  cost        not measured")
         print()
-    print(f"Costs: {saved['about']['scene']}, on {saved['about']['machine']}; python -m benchmarks.effects")
+    print(f"Costs of scene {saved['about']['scene']}, on {saved['about']['machine']}: python -m benchmarks.effects")
     return 0
 
 
@@ -100,7 +100,7 @@ def _print_metrics(path: Path) -> None:
 
 
 def _attributes(folder: Path) -> dict:
-    """Attributes of run.nc, or of the first NetCDF file beside where run.nc would be."""
+    """Attributes of run.nc, or of the first NetCDF file of the folder if there is no run.nc."""
     for path in (folder / "run.nc", *sorted(folder.glob("*.nc"))):
         try:
             with _open(path) as file:

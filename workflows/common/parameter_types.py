@@ -1,4 +1,4 @@
-"""What a parameter's type annotation means on the command line, and in words."""
+"""Type annotations of parameters: their form on the command line, and in words."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def accepts(annotation: Any, kind_wanted: type) -> bool:
 
 
 def kind(annotation: Any) -> str:
-    """How the field is given: "flag", "text" (one value), "list" (comma-separated), "toml" (only there)."""
+    """Form of an option: "flag", "text" (one value), "list" (comma-separated), "toml" (in a TOML file only)."""
     options = [m for m in members(annotation) if m is not types.NoneType]
     if options == [bool]:
         return "flag"
@@ -126,7 +126,7 @@ def _noun(annotation: Any, plural: bool = False) -> str:
 
 
 def allowed(field: FieldInfo) -> str:
-    """What a pydantic field allows, in words: "a number, greater than 0", "one of f64, f32"."""
+    """Allowed values of a pydantic field, in words: "a number, greater than 0", "one of f64, f32"."""
     options = [m for m in members(field.annotation) if m is not types.NoneType]
     words = []
     for member in options:

@@ -1,4 +1,4 @@
-"""Refusals of what a user gave, in the words of the options that gave it."""
+"""Refusals of values, in terms of the options that gave them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflo
     Raises
     ------
     InputError
-        With every reason why the values are refused, as pydantic's own error is not meant for a user.
+        With every reason why the values are refused, in place of pydantic's error.
     """
     try:
         return params_class.model_validate(values)
@@ -37,7 +37,7 @@ def in_terms_of(options: str, remedy: str) -> Iterator[None]:
     options
         The options that gave the values, each with its value: "--length 6, --corner-radius 0.2".
     remedy
-        What to change, as the end of the sentence.
+        How to mend it, as the end of the sentence.
 
     Raises
     ------

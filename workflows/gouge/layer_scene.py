@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
     from taichi_lsm.shapes import GrainShape
 
-PACKED = {2: 0.80, 3: 0.59}  # filled share of a consolidated layer, to choose the number of grains
+PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, from which the number of grains follows
 BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
@@ -28,7 +28,7 @@ MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
 
 
 def check(params: Params) -> None:
-    """Refuse what can be told to fail without making any grain.
+    """Refuse parameters that are sure to fail, before any grain is made.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _stand_in(shape: str, dim: int) -> GrainShape:
 
 
 def mobile_count(params: Params) -> int:
-    """Number of mobile grains: as given, or so many that the consolidated layer has its thickness."""
+    """Number of mobile grains: as given, or as many as give the consolidated layer its thickness."""
     thickness, lengths = params.layer
     one = lsm.disc() if params.dim == 2 else lsm.sphere()
     filled = PACKED[params.dim] * thickness * float(np.prod(lengths))
@@ -154,7 +154,7 @@ def build(params: Params) -> lsm.Scene:
 
 
 def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
-    """Refuse runs without end, and a spring of the load point that is too stiff for the step."""
+    """Refuse runs of too many steps, and a spring of the load point that is too stiff for the step."""
     dt = scene.chosen_dt()
     steps = p.strain * p.inertial_time / (p.inertial_number * dt)
     if not steps <= MOST_STEPS:
@@ -171,7 +171,7 @@ def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
 
 
 def effects_of(params: Params) -> list[Effect]:
-    """Effects of the contacts: elastic, damped, frictional; a given effect takes the place of one of its kind."""
+    """Effects of the contacts: elastic, damped, frictional; a given effect replaces the default of its kind."""
     p = params
     usual = [
         lsm.LinearElastic(p.stiffness),

@@ -31,7 +31,7 @@ def gas(offset: ArrayLike = 0.0, skin: float | None = 0.1, speed: float = 1.0) -
 
 
 def flown(bench: Bench, scene: lsm.Scene, steps: int) -> Any:
-    """Positions (n, dim) [m] after so many steps, as displacements from those of the start."""
+    """Positions (n, dim) [m] after `steps` steps less those of the start."""
     sim = bench.simulate(scene)
     sim.run(steps)
     return sim.state.position.to_numpy() - scene.position

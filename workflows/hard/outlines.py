@@ -242,7 +242,7 @@ def sizes_of_grains(bench: Bench) -> float:
 
 
 def stars() -> lsm.Scene:
-    """16 grains of two bars crossed at a right angle, as close as their bounding circles let them, at random motion."""
+    """16 grains of two bars crossed at a right angle, as close as their bounding circles allow, in random motion."""
     bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
     star = lsm.shapes.union([lsm.shapes.place_part(bar, (0.0, 0.0), angle) for angle in (0.0, 0.5 * np.pi)])
     rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius

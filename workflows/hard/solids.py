@@ -60,7 +60,7 @@ def impact(
 ) -> lsm.Scene:
     """Two grains that fly at each other along x with a velocity [m s-1] of approach.
 
-    They have the shapes `kinds`, and the second is `offset` [m] aside.
+    They have the shapes `kinds`, and the second is displaced by `offset` [m] in y and z.
     """
     ahead = max(s.bounding_radius for s in shapes) * 2.0 + 0.01
     flight = 0.5 * velocity * np.array([X, -X])
@@ -83,7 +83,7 @@ def worst_impact(bench: Bench, scenes: Iterable[lsm.Scene]) -> float:
 @hard("Spinning grains that brush edges", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def brushing_edges(bench: Bench) -> float:
     """Fast rotation drags the contact over edges and seams at grazing angles within one impact."""
-    # first of its file: a compiled simulation has room for the shapes that it was made with
+    # First in this file, as the tables of a compiled simulation are as large as those of its first scene.
     shapes = lsm.shapes.random_angular_polyhedra(4, 1)
     rng = np.random.default_rng(2)
 

@@ -57,9 +57,9 @@ def read_snapshot(path: Path, index: int = -1) -> Snapshot:
 
 
 def _sections(grains, now, off):
-    """Outline (points, 2) [mm] of every 3D grain in a plane that passes `off` [mm] below its centre, None if it misses.
+    """Outline (points, 2) [mm] of every 3D grain in a plane `off` [mm] below its centre, None if they do not meet.
 
-    A grain is the common part of the balls of its faces, so its section is the common part of discs.
+    A grain is the intersection of the balls of its faces, so its section is an intersection of discs.
     """
     import shapely
 
@@ -118,7 +118,7 @@ def _arc(middle, half):
 
 
 def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> Any:
-    """Draw the outlines coloured by velocity; returns what a colour bar needs.
+    """Draw the outlines coloured by velocity; returns the collection for a colour bar.
 
     Glued grains are grey, those with the numbers `marked` edged in red.
     """
