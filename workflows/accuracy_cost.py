@@ -1,8 +1,8 @@
 """What accuracy costs in time: error and cost of every choice that trades one for the other.
 
 Integrators and time steps, precision, force law, neighbour skin; patches and discs per grain, corner radius; stiffness
-and inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to our own discs
-at the default settings, timed in turn with nothing else running.
+and inertial number, size of the layer, strain and seeds, roughness of the walls. Costs are relative to those of
+discs at the default settings, timed in rotation with nothing else running.
 """
 
 from __future__ import annotations
@@ -44,25 +44,25 @@ Report = Callable[[str, str], None]  # takes label and state
 
 
 class Params(BaseParams):
-    """How much is measured."""
+    """Extent of the measurements."""
 
     phases: int = Field(
         default=64,
         ge=8,
         le=100_000,
-        description="pairs of discs in a measurement of collisions, by phase of the step [1]",
+        description="pairs of discs in a measurement of collisions, each at another phase of the step [1]",
     )
     replicas: int = Field(default=4, ge=2, le=1000, description="measurements of each collision and gas [1]")
     gas_grains: int = Field(default=225, ge=16, le=1_000_000, description="grains of the gas, a square number [1]")
     contacts: float = Field(
-        default=100.0, ge=1, le=1e6, description="time that the gas is followed [contact durations]"
+        default=100.0, ge=1, le=1e6, description="time over which the gas is simulated [contact durations]"
     )
-    timed_steps: int = Field(default=3000, ge=30, le=1_000_000_000, description="steps that are timed at once [1]")
-    turns: int = Field(default=5, ge=1, le=1000, description="times that each cost is measured, in turn [1]")
+    timed_steps: int = Field(default=3000, ge=30, le=1_000_000_000, description="steps of each timed run [1]")
+    turns: int = Field(default=5, ge=1, le=1000, description="number of measurements of each cost [1]")
     shape_turns: int = Field(
-        default=3, ge=1, le=1000, description="times that the layers of each shape are sheared, in turn [1]"
+        default=3, ge=1, le=1000, description="number of times that the layer of each shape is sheared [1]"
     )
-    impacts: int = Field(default=48, ge=4, le=100_000, description="impacts of ellipses, each turned otherwise [1]")
+    impacts: int = Field(default=48, ge=4, le=100_000, description="impacts of ellipses at random orientations [1]")
     patches: list[Annotated[int, Field(ge=12, le=1200, multiple_of=6)]] = Field(
         default=[12, 18, 30, 60, 120], min_length=1, description="patches per grain [1]"
     )
@@ -71,23 +71,24 @@ class Params(BaseParams):
         default=[0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]"
     )
     shapes: list[Literal["sphere", "angular"]] = Field(
-        default=["sphere"], min_length=1, description="grains of the layers of all choices"
+        default=["sphere"], min_length=1, description="grains of the layers in which all parameters are varied"
     )
     long_shapes: list[Literal["sphere", "angular"]] = Field(
-        default=["sphere", "angular"], description="grains of the layers for steps, strain and seeds"
+        default=["sphere", "angular"],
+        description="grains of the layers in which step, strain and seeds are varied",
     )
     parameters: list[Parameter] = Field(
         default=list(get_args(Parameter)), min_length=1, description="parameters of the layer to measure"
     )
     most_settings: int = Field(
-        default=4, ge=3, le=4, description="settings of each of these parameters, with the usual one [1]"
+        default=4, ge=3, le=4, description="settings of each of these parameters, including the default [1]"
     )
     seeds: int = Field(default=4, ge=2, le=1000, description="runs of each setting of a layer [1]")
     strain: float = Field(default=3.0, gt=1.2, le=1e4, description="shear strain of the layers [1]")
     long_strain: float = Field(
         default=33.0, ge=0, le=1e4, description="strain of the runs that measure strain and seeds; 0: none [1]"
     )
-    long_runs: int = Field(default=6, ge=2, le=1000, description="number of those runs [1]")
+    long_runs: int = Field(default=6, ge=2, le=1000, description="number of these long runs [1]")
     lists: bool = Field(default=True, description="measure the neighbour skin")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -137,8 +138,8 @@ class Params(BaseParams):
             problems.append(f"--gas-grains {self.gas_grains}: must be a square number, such as {near}")
         if 0.0 < self.long_strain < LEAST_LONG:
             problems.append(
-                f"--long-strain {self.long_strain:g}: must be 0, for no such runs, or >= {LEAST_LONG:g}, for windows "
-                "of several widths to fit into the steady state"
+                f"--long-strain {self.long_strain:g}: must be 0, for no such runs, or >= {LEAST_LONG:g}, so that "
+                "windows of several widths fit into the steady state"
             )
         if problems:
             raise ValueError("; ".join(problems))
@@ -146,7 +147,7 @@ class Params(BaseParams):
 
 
 def check(params: Params) -> None:
-    """Refuse what no layer can be made of.
+    """Refuse parameters that are sure to fail, before any layer is made.
 
     Raises
     ------
@@ -162,9 +163,9 @@ def check(params: Params) -> None:
 def numerical(params: Params, report: Report) -> list[Trial]:
     """Trials of integrators, steps, precision, force law and skin."""
     trials = []
-    for law in collisions.FORCE_LAWS:
-        trials += in_fresh_process(collisions.measure_collisions, params, law)
-        report("collisions", f"{law} force law")
+    for force_law in collisions.FORCE_LAWS:
+        trials += in_fresh_process(collisions.measure_collisions, params, force_law)
+        report("collisions", f"{force_law} force law")
     trials += in_fresh_process(collisions.measure_rack, params)
     report("rack", "ten discs")
     of_gas = in_fresh_process(gas.measure_gas, params, "first") + in_fresh_process(gas.measure_gas, params, "second")
@@ -176,7 +177,7 @@ def numerical(params: Params, report: Report) -> list[Trial]:
     per_step = {t.parameter: t.relative / t.value for t in of_gas}
     discs = {parameter: rate / per_step["onset_verlet"] for parameter, rate in per_step.items()}
     default = in_fresh_process(gas.default_steps_per_contact, params)
-    for i, t in enumerate(trials):  # collisions of discs: as many steps, and the scheme's cost of each
+    for i, t in enumerate(trials):  # collisions of discs: number of steps times the cost of a step of the scheme
         scheme = t.parameter.split(",")[0]
         trials[i] = replace(t, relative=t.value / default * discs[scheme])
     if params.lists:
@@ -229,9 +230,9 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
     after, during, drift = "energy after a collision", "energy during a collision", "energy drift of a gas"
     explicit, symplectic = order("explicit_euler", drift), order("symplectic_euler", during)
     verlet, onset = order("velocity_verlet", after), order("onset_verlet", after)
-    ours = found["onset_verlet", drift]
-    at = int(np.argmin(np.abs(ours.value - 48)))
-    of_paper = found["symplectic_euler", drift].cost_at(ours.error[at]) / ours.relative[at]
+    reference = found["onset_verlet", drift]
+    at = int(np.argmin(np.abs(reference.value - 48)))
+    of_paper = found["symplectic_euler", drift].cost_at(reference.error[at]) / reference.relative[at]
     metrics = {
         "order_explicit_euler": Metric(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
         "order_symplectic_euler": Metric(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
@@ -260,10 +261,10 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
 
 
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
-    """Measure everything; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`.
+    """Make all measurements; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`.
 
     Returns accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned.
-    Runs of layers that `out` holds already are not made again.
+    Runs of layers that `out` already holds are not repeated.
     """
     check(params)
     out = Path(out)

@@ -1,7 +1,7 @@
 """Shear gouge of round and of angular grains under the same conditions, and compare their friction.
 
-Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; the difference of the two means and
-its standard error take the replica as the unit.
+Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; the difference of the two means and its
+standard error are computed from the means of the replicas.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ TEXTS = {
     "status": "how the run ended: complete, failed or interrupted",
     "path": "folder of the run, relative to this file",
 }
-# What the largest value over all runs is reported of.
+# Metrics of the comparison that are the largest value of a column over all runs.
 WORST = {
     "energy_residual_max": "energy_residual",
     "platen_bulk_difference_max": "platen_bulk_difference",
@@ -70,7 +70,7 @@ WORST = {
 class Params(shear_gouge.Params):
     """The conditions that both shapes share."""
 
-    # No option here, since both shapes are run; the checks made of angular grains are the stricter ones.
+    # No option here, since both shapes are run; the checks of angular grains are the stricter ones.
     shape: ClassVar[str] = "angular"  # pyright: ignore[reportIncompatibleVariableOverride]  as said above
     target_error: ClassVar[None] = None  # pyright: ignore[reportIncompatibleVariableOverride]  replicas are given
     breakable: ClassVar[bool] = False  # pyright: ignore[reportIncompatibleVariableOverride]  spheres do not break
@@ -114,7 +114,7 @@ class Params(shear_gouge.Params):
 
 
 def check(params: Params) -> None:
-    """Refuse what can be told to fail for one of the shapes, as `shear_gouge.check` does.
+    """Refuse parameters that are sure to fail for one of the shapes, as `shear_gouge.check` does.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def check(params: Params) -> None:
         With the option, its value, what is allowed and what to do.
     """
     for of_run in build(params).values():
-        if of_run.seed == params.seed:  # nothing that is checked depends on the seed
+        if of_run.seed == params.seed:  # no check depends on the seed
             shear_gouge.check(of_run)
 
 
@@ -140,8 +140,8 @@ def build(params: Params) -> dict[str, shear_gouge.Params]:
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
     """Shear both shapes; writes compare.nc, friction.png, summary.json and runs/ to `out`.
 
-    Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files hold what is
-    there, with the run_status "failed", before SimulationError is raised.
+    Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files are
+    written with the results there are and the run_status "failed" before SimulationError is raised.
     """
     check(params)
     runs, out = build(params), Path(out)
@@ -171,7 +171,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
 
 
 def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_status: str) -> xarray.Dataset:
-    """Write compare.nc from the files of the runs, and return it; what a run did not reach is NaN."""
+    """Write compare.nc from the files of the runs, and return it; missing values are NaN."""
     rows, steps = [], []
     for label, of_run in runs.items():
         path = out / "runs" / label / "run.nc"
@@ -203,7 +203,7 @@ def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_
 
 
 def estimates(table: xarray.Dataset) -> dict[str, Any]:
-    """Shape -> friction over the complete runs of this shape, the replica as the unit; shapes without any left out."""
+    """Shape -> friction from the means of its complete runs; shapes without such runs are left out."""
     found = {}
     for shape in SHAPES:
         own = table.isel(run=(table["shape"].values == shape) & (table.status.values == "complete"))
@@ -230,7 +230,7 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
 
 
 def table_text(table: xarray.Dataset) -> str:
-    """One line per run, for people."""
+    """The runs as plain text, one line each below the titles."""
     titles = ("shape", "seed", "status", "friction", "error", "samples", "at platen", "I", "energy residual")
     lines: list[tuple[str, ...]] = [titles]
     for row in (table.isel(run=i) for i in range(table.sizes["run"])):

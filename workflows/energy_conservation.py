@@ -43,7 +43,7 @@ SCHEMES = {  # by name: importing a workflow must not start Taichi
     "symplectic_euler": "SymplecticEuler",
     "explicit_euler": "ExplicitEuler",
 }
-ORDERS = {  # names of the metrics, by scheme: the order is measured in 2D
+ORDERS = {  # name of the metric of each scheme; orders are measured in 2D
     2: {"velocity_verlet": "order", "onset_verlet": "order_onset", "symplectic_euler": "order_euler"},
     3: {},
 }
@@ -51,8 +51,8 @@ CONES = {"cones": 0.0, "cones_that_miss_seams": 1.0}  # general patches with the
 
 
 Series = dict[str, NDArray]  # time [s] and energies [J] of the samples of a run
-MOST_PROBED = 400  # grains that are made in a second or two
-MOST_STEPS = 500_000_000  # of a run; those for the order are four times as long, and are counted in 32 bits
+MOST_PROBED = 400  # grains, which are made in a second or two
+MOST_STEPS = 500_000_000  # of a run; runs for the order are up to four times as long, and counts have 32 bits
 
 
 class Params(BaseParams):
@@ -76,8 +76,8 @@ class Params(BaseParams):
     speed: float = Field(default=1.0, ge=1e-9, le=1e6, description="root mean square velocity at the start [m s-1]")
     steps: int = Field(default=5000, ge=100, le=MOST_STEPS, description="steps of each run [1]")
     long_steps: int = Field(default=50_000, ge=100, le=MOST_STEPS, description="steps of the long run [1]")
-    seeds: int = Field(default=3, ge=1, le=1000, description="packings for the drift [1]")
-    order_seeds: int = Field(default=8, ge=1, le=1000, description="packings for the order [1]")
+    seeds: int = Field(default=3, ge=1, le=1000, description="packings in which the drift is measured [1]")
+    order_seeds: int = Field(default=8, ge=1, le=1000, description="packings in which the order is measured [1]")
     missed_seam: float = Field(
         default=1e-4, ge=1e-12, le=0.1, description="gap of each cone in the runs with cones, 2D [rad]"
     )
@@ -109,9 +109,9 @@ class Params(BaseParams):
 
 
 def check(params: Params) -> None:
-    """Refuse grains that do not fit into the tiles of the smaller gas, where that is quickly told.
+    """Refuse grains that do not fit into the tiles of the smaller gas, where that is quickly checked.
 
-    The run itself refuses others when it makes them, before it compiles.
+    Larger packings are refused by the run itself, before it compiles.
 
     Raises
     ------
@@ -119,14 +119,36 @@ def check(params: Params) -> None:
         With the options, their values and what fits.
     """
     if params.dim == 2 and params.order_grains <= MOST_PROBED:
-        build(params, params.order_grains, params.seed, 50, "onset_verlet")
+        build(params, params.order_grains, params.seed, 50, "onset_verlet", "--order-grains")
 
 
-def build(params: Params, grains: int, seed: int, steps_per_contact: float, scheme: str) -> lsm.Scene:
-    """One elastic gas; `steps_per_contact` fixes the step through the contact duration pi sqrt(m/(2k))."""
+def build(
+    params: Params, grains: int, seed: int, steps_per_contact: float, scheme: str, option: str | None = None
+) -> lsm.Scene:
+    """One elastic gas.
+
+    Parameters
+    ----------
+    params
+        Of the experiment.
+    grains, seed
+        Number of grains; seed of packing and velocities.
+    steps_per_contact
+        Contact duration pi sqrt(m/(2k)) over the time step [1].
+    scheme
+        Key of SCHEMES or CONES.
+    option
+        Option that gave `grains`, for the message of a refusal; None finds it by the value.
+
+    Raises
+    ------
+    InputError
+        If no grain fits into a tile with this corner radius and gap.
+    """
     p = params
+    option = option or ("--grains" if grains == p.grains else "--order-grains")
     side = grains ** (1.0 / p.dim)
-    of_grains = f"--corner-radius {p.corner_radius:g}, --gap {p.gap:g}, --grains {grains}, --seed {seed}"
+    of_grains = f"--corner-radius {p.corner_radius:g}, --gap {p.gap:g}, {option} {grains}, --seed {seed}"
     with in_terms_of(of_grains, "lower the corner radius or the gap, or take another seed"):
         packing: Any = _packing(p.dim, grains, seed, p.corner_radius, p.gap, _detail(p))
     shapes, position, diameter, orientations = packing
@@ -149,7 +171,7 @@ def build(params: Params, grains: int, seed: int, steps_per_contact: float, sche
         effects=[lsm.LinearElastic(p.stiffness)],
         integrator=getattr(lsm, SCHEMES.get(scheme, "OnsetVerlet")),
         track_dissipation=False,
-        guards=lsm.Guards(energy=None),  # what a scheme does to the energy is the question
+        guards=lsm.Guards(energy=None),  # the drift of the energy is what is measured
         dt=1.0,
     )
     mass, _ = scene.masses()
@@ -159,13 +181,13 @@ def build(params: Params, grains: int, seed: int, steps_per_contact: float, sche
 
 
 def _detail(params):
-    """What sets the number of patches: arcs per corner in 2D, cut corners per tile in 3D."""
+    """Parameter that sets the number of patches: arcs per corner in 2D, cut corners per tile in 3D."""
     return params.arcs_per_corner if params.dim == 2 else params.chamfers
 
 
 @functools.lru_cache(maxsize=64)
 def _packing(dim, grains, seed, corner_radius, gap, detail):
-    """(shapes, positions, sizes, orientations by name) of one packing in tiles: fitted once, used at every step."""
+    """(shapes, positions, sizes, orientations by name) of one packing, lengths in tiles; kept for all time steps."""
     if dim == 2:
         return *lsm.shapes.voronoi_packing(grains, np.sqrt(grains), seed, corner_radius, gap, detail), {}
     packing = lsm.shapes.laguerre_packing(grains, np.cbrt(grains), seed, corner_radius, gap, chamfers=detail)
@@ -229,7 +251,7 @@ def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
         rows.append(row)
         series.append(energies)
 
-    if scheme in CONES:  # a plateau: the drift over one time hardly falls with the step
+    if scheme in CONES:  # a plateau: over equal times the drift hardly falls with the step
         for per_contact in (50, 100, 200):
             add("plateau", p.order_grains, p.seed, per_contact, p.steps // 2 * per_contact // 50)
         return rows, series[0]
@@ -245,7 +267,7 @@ def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
 
 
 def measure(params: Params, progress: Progress | None = None) -> tuple[Rows, dict[str, Series]]:
-    """All runs of the experiment, two schemes at a time, each in a process of its own.
+    """Make all runs of the experiment, two schemes at a time, each in a process of its own.
 
     Returns (rows, series): rows, a list of dicts with scheme, purpose (drift | long | order | plateau), grains, seed,
     steps_per_contact, steps, drift, shadow_drift; series, the energies of the first run of each scheme.
@@ -280,7 +302,7 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
     metrics["shadow_drift_long"] = Metric(long, "1", 1e-4, long <= 1e-4)
     for scheme, name in ORDERS[dim].items():
         level = [root_mean_square(values(scheme, "order", n)) for n in LEVELS]
-        fell = all(x > 0.0 for x in level)  # a gas without a collision keeps its energy to the last bit
+        fell = all(x > 0.0 for x in level)  # without a collision the energy is kept to the last bit
         slope = -np.polyfit(np.log(LEVELS), np.log(level), 1)[0] if fell else np.nan
         claimed = (2.0, abs(slope - 2.0) <= 0.25) if scheme == "velocity_verlet" else (None, None)
         metrics[name] = Metric(float(slope), "1", *claimed)
@@ -289,10 +311,10 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
     printed = values("explicit_euler", "drift", 50)[0]
     metrics["verlet_drift_50"] = Metric(verlet, "1")
     metrics["symplectic_euler_drift_50"] = Metric(euler, "1")
-    ours = root_mean_square(values("onset_verlet", "drift", 50))
+    onset = root_mean_square(values("onset_verlet", "drift", 50))
     metrics["paper_scheme_drift"] = Metric(printed, "1")
-    metrics["gain_over_paper_scheme"] = Metric(printed / ours if ours else np.inf, "1")
-    metrics["gain_over_paper"] = Metric(PUBLISHED_DRIFT / ours if ours else np.inf, "1")
+    metrics["gain_over_paper_scheme"] = Metric(printed / onset if onset else np.inf, "1")
+    metrics["gain_over_paper"] = Metric(PUBLISHED_DRIFT / onset if onset else np.inf, "1")
     for scheme in CONES if dim == 2 else ():
         for per_contact in (50, 200):
             metrics[f"{scheme}_drift_{per_contact}"] = Metric(values(scheme, "plateau", per_contact)[0], "1")

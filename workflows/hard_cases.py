@@ -1,8 +1,8 @@
 """Cases that break codes like this one, each with a measure and the bound that it must respect, in f64 and in f32.
 
 The cases are defined in `workflows/hard`, a file for each kind. Every file runs in a process of its own for each
-precision, two at a time. A case that fails makes the command fail; what single precision cannot do is excepted, with
-the reason.
+precision, two at a time. A case that fails makes the command fail; cases that single precision cannot fulfil are
+excepted, with the reason.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ TEXTS = {
 
 
 class Params(BaseParams):
-    """Which cases to run and how long."""
+    """Selection of the cases, and length of their runs."""
 
     precision: Literal["both", "f64", "f32"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]  one more
         default="both", description="floating-point types to run the cases in"
@@ -89,7 +89,7 @@ def run_kind(kind: str, precision: str, short: bool) -> Rows:
 
 
 def margin(value: float, bound: float) -> float:
-    """How many times the value fits into the bound [1]; infinite for a value of 0, 0 for one without bounds."""
+    """Bound over value [1]; infinite for a value of 0, 0 for an infinite value."""
     return math.inf if value == 0.0 else bound / value
 
 
@@ -157,9 +157,9 @@ def _outcome(row):
     """Value, margin and verdict of a row, in words; "-" for no row."""
     if row is None:
         return "-"
-    room = "exact" if row["value"] == 0.0 else f"{row['value']:.2g}, {row['margin']:.2g} times"
+    value = "exact" if row["value"] == 0.0 else f"{row['value']:.2g}, {row['margin']:.2g} times"
     verdict = {"passed": "", "failed": "; **failed**", "excepted": "; excepted"}[STATUS[row["status"]]]
-    return room + verdict + (f": {row['reason']}" if row["reason"] else "")
+    return value + verdict + (f": {row['reason']}" if row["reason"] else "")
 
 
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:

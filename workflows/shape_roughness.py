@@ -1,8 +1,8 @@
 """What patches gain over clumps: shape error, surface roughness, friction and cost at the same outline (2D).
 
 Abe & Mora (2003) say that clumps of spheres tie the roughness of the surface to the number of spheres and patches do
-not. Rounded polygons are stood for by chains of arcs and by clumps of equal discs; both are compared with the polygon,
-and sheared in the same layer.
+not. Rounded polygons are represented by chains of arcs and by clumps of equal discs; both are compared with the
+polygon, and sheared in the same layer.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 COUNTS = (12, 18, 30, 60, 120)  # patches or discs per grain
 SIDES = 6
-WIDTH = 6.0  # degrees: half the turn of a side's arc, divided by the arcs of a corner plus one
+WIDTH = 6.0  # degrees: half-angle of a side's arc times (arcs of a corner + 1)
 FLATTEST = 60.0  # radius of a side's arc, in diameters
 OUTLINES = 4  # different polygons
 COLUMNS = (
@@ -47,11 +47,13 @@ COLUMNS = (
 
 
 class Params(BaseParams):
-    """Patches against clumps."""
+    """Comparison of patches with clumps."""
 
-    corner_radius: float = Field(default=0.05, ge=0.02, le=0.25, description="of the polygons [equivalent diameters]")
+    corner_radius: float = Field(
+        default=0.05, ge=0.02, le=0.25, description="corner radius of the polygons [equivalent diameters]"
+    )
     most_sheared: int = Field(
-        default=60, ge=12, le=COUNTS[-1], description="patches or discs per grain up to which layers are sheared [1]"
+        default=60, ge=12, le=COUNTS[-1], description="most patches or discs per grain of which layers are sheared [1]"
     )
     layer_thickness: float = Field(default=12.0, ge=8, le=1e4, description="thickness of the layer [mean diameters]")
     length: float = Field(default=14.0, ge=6, le=1e5, description="periodic length along the shear [mean diameters]")
@@ -67,7 +69,7 @@ class Params(BaseParams):
 
 
 def check(params: Params) -> None:
-    """Refuse what no layer can be made of.
+    """Refuse parameters that are sure to fail, before any layer is made.
 
     Raises
     ------
@@ -171,13 +173,13 @@ def shear(params: Params, kind: str, elements: int, out: Path) -> tuple[float, f
 
 
 def rate_of(out: str | os.PathLike[str]) -> float:
-    """Grains times steps per second of the run in the folder `out`; nan if it was too short to tell."""
+    """Grains times steps per second of the run in the folder `out`; nan if it was too short to measure."""
     value = json.loads((Path(out) / "summary.json").read_text())["metrics"]["grain_steps_per_second"]["value"]
     return np.nan if value is None else value
 
 
 def measure(params: Params, out: Path, progress: Progress | None = None) -> Rows:
-    """Rows of the table, one per kind and number of elements. Layers run one after the other: they are timed."""
+    """Rows of the table, one per kind and number of elements. Layers run one after the other, as they are timed."""
     rows = []
     for kind in ("patches", "clump"):
         for elements in COUNTS:
@@ -194,7 +196,7 @@ def measure(params: Params, out: Path, progress: Progress | None = None) -> Rows
 
 
 def analyse(rows: Rows) -> dict[str, Metric]:
-    """Metrics: errors at 30 elements, and what a clump of the same error as 30 patches would cost."""
+    """Metrics: errors at 30 elements, and the cost of a clump with the same error as 30 patches."""
 
     def column(kind, name):
         return np.array([r[name] for r in rows if r["kind"] == kind])
@@ -221,7 +223,7 @@ def analyse(rows: Rows) -> dict[str, Metric]:
 
 
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
-    """Run everything; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc."""
+    """Make all measurements; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc."""
     check(params)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -248,7 +250,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
 
 
 def example_outlines(params: Params) -> tuple[NDArray, NDArray]:
-    """Outlines (k, 2) of one polygon stood for by 30 discs and by 30 patches, in equivalent diameters."""
+    """Outlines (k, 2) of one polygon as 30 discs and as 30 patches, in equivalent diameters."""
     import shapely
 
     vertices, _ = polygons(params)[0]

@@ -30,7 +30,7 @@ __all__ = ["BOUNDS", "Params", "analyse", "build", "check", "effects_of", "run",
 
 
 def check(params: Params) -> None:
-    """Refuse what can be told to fail before any grain is made.
+    """Refuse parameters that are sure to fail, before any grain is made.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     InputError
         Before anything is computed, if the parameters give no layer.
     SimulationError
-        If the run has to be stopped; what it has written is kept.
+        If the run has to be stopped; the files written so far are kept.
     """
     check(params)
     if params.target_error is not None:
@@ -113,7 +113,7 @@ def _progress(
     first: tuple[float, int, float],
     last: tuple[float, int, float],
 ) -> dict[str, Any]:
-    """What the progress line shows; speed and remaining time are known from the second row on."""
+    """Report for the progress line; speed and remaining time are known from the second row on."""
     report = {
         "strain": row["shear_strain"],
         "strain_total": params.strain,

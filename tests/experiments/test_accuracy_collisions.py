@@ -23,7 +23,7 @@ def test_orders_of_the_schemes(runtime, monkeypatch):
     assert found["onset_verlet", distance].order() == pytest.approx(2.0, abs=0.2)
 
 
-def leapfrog(law, per_contact, offsets):
+def leapfrog(force_law, per_contact, offsets):
     """(rms error of the energy, rms error of the distance) of pairs that Verlet's difference equation carries.
 
     The overlap x, in units of the approach in one step, obeys x[j+1] - 2 x[j] + x[j-1] = -a(x[j]) where x > 0;
@@ -34,7 +34,7 @@ def leapfrog(law, per_contact, offsets):
     deceleration = {
         "linear": lambda x: (np.pi / per_contact) ** 2 * x,
         "hertz": lambda x: 1.25 * (x / depth) ** 1.5 / depth,
-    }[law]
+    }[force_law]
     steps = 3 * (int(per_contact + 14) // 3 + 1)
     energy, distance = [], []
     for offset in offsets:
@@ -47,10 +47,10 @@ def leapfrog(law, per_contact, offsets):
     return [float(np.sqrt(np.mean(np.square(values)))) for values in (energy, distance)]
 
 
-@pytest.mark.parametrize("law", collisions.FORCE_LAWS)
-def test_impacts_of_both_force_laws_are_those_of_the_difference_equation(runtime, law):
+@pytest.mark.parametrize("force_law", collisions.FORCE_LAWS)
+def test_impacts_of_both_force_laws_are_those_of_the_difference_equation(runtime, force_law):
     """With the same duration, deviation after deviation: stiffness, duration and closed form belong together."""
     offsets = np.random.default_rng(1).uniform(0.0, 1.0, 8)
-    during, *found = collisions.errors_of_pairs({}, "velocity_verlet", law, 96, 8, 1)
-    assert found == pytest.approx(leapfrog(law, 96, offsets), rel=1e-5)
+    during, *found = collisions.errors_of_pairs({}, "velocity_verlet", force_law, 96, 8, 1)
+    assert found == pytest.approx(leapfrog(force_law, 96, offsets), rel=1e-5)
     assert found[0] < during  # inside the contact the energy of Verlet ripples more than it has changed at its end

@@ -12,7 +12,7 @@ import taichi_lsm as lsm
 from tests.helpers.pictures import curves, panels
 from workflows import compare_shapes, shear_gouge
 from workflows.cli import signals
-from workflows.common.parameters import SettingsError, merge
+from workflows.common.parameters import ParameterError, merge
 from workflows.plots import run_plots
 
 SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 0.4, "steady_from": 0.2}
@@ -29,7 +29,7 @@ def test_the_runs_differ_in_shape_and_seed_only():
 
 
 def test_there_is_no_option_shape():
-    with pytest.raises(SettingsError, match="shape"):
+    with pytest.raises(ParameterError, match="shape"):
         merge(compare_shapes.Params, options={"shape": "angular"})
 
 
@@ -123,7 +123,7 @@ def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compar
     assert all(axes.collections for axes in (round_layer, angular_layer))
 
 
-def test_the_table_for_people_has_a_line_per_run(compared):
+def test_the_printed_table_has_a_line_per_run(compared):
     lines = compare_shapes.table_text(compared[1]).splitlines()
     assert len(lines) == 5
     assert lines[1].split()[:3] == ["sphere", "1", "complete"]

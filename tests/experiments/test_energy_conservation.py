@@ -31,6 +31,13 @@ def test_small_gas_keeps_its_energy_and_the_printed_scheme_does_not(tmp_path, mo
     assert all(v.attrs["units"] and v.attrs["long_name"] for v in energies.data_vars.values())
 
 
+@pytest.mark.parametrize(("grains", "option"), [(16, "--order-grains 16"), (36, "--grains 36")])
+def test_grains_that_do_not_fit_are_refused_with_the_option_that_gave_them(grains, option):
+    params = energy_conservation.Params(grains=36, order_grains=16, corner_radius=0.3, gap=0.2)
+    with pytest.raises(lsm.InputError, match=rf"--gap 0.2, {option}, --seed 1: refused, as "):
+        energy_conservation.build(params, grains, 1, 50, "onset_verlet")
+
+
 def test_drift_is_the_greatest_relative_deviation():
     series = {
         "translational_energy": np.array([1.0, 0.5, 1.0]),

@@ -173,6 +173,13 @@ def test_pairs_of_options(name):
         outcome(name, base | {key: rng.choice(list(values_of(fields[key])[0])) for key in keys})
 
 
+@pytest.mark.parametrize("radius", ["0.02", "0.25"])
+def test_every_corner_radius_of_shapes_that_replace_those_of_a_layer_is_accepted(radius):
+    """The rule that ties the stiffness number to the corner radius is for the layer's own shapes."""
+    assert outcome("shape-roughness", {"corner_radius": radius}) == "accepted"
+    assert outcome("accuracy-cost", {"corners": radius, "shapes": "sphere,angular"}) == "accepted"
+
+
 def test_refusals_name_option_value_allowed_and_remedy():
     base = TINY["shear-gouge"][0]
     platen = outcome("shear-gouge", base | {"platen_diameter": "3"})

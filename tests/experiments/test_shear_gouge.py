@@ -8,7 +8,8 @@ from pydantic import ValidationError
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.common.parameters import SettingsError, merge
+from workflows.common.parameters import ParameterError, merge
+from workflows.common.refusals import in_terms_of
 from workflows.gouge import stages
 
 SHAPES = ("sphere", "angular")
@@ -16,7 +17,7 @@ SHAPES = ("sphere", "angular")
 
 def test_every_wrong_value_is_reported():
     wrong = {"normal_stress": "-5e6", "shape": "anglar", "grains": "many", "strain": "0"}
-    with pytest.raises(SettingsError) as caught:
+    with pytest.raises(ParameterError) as caught:
         merge(shear_gouge.Params, options=wrong)
     text = "\n".join(caught.value.problems)
     assert "--normal-stress -5e6: must be a number, from 0.001 to 1e+12." in text
@@ -34,7 +35,7 @@ def test_every_wrong_value_is_reported():
         ({"shape": "sphere", "breakable": True}, "--breakable needs --shape angular --dim 2"),
         ({"shape": "angular", "dim": 3, "breakable": True}, "not --shape angular --dim 3"),
         ({"dim": 3, "platen_diameter": 1.5}, "--platen-diameter 1.5 must be <= 1 in 3D"),
-        ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error knows layers of whole grains"),
+        ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error is for layers of whole grains"),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
     ],
 )
@@ -51,10 +52,44 @@ def test_contradictions_are_reported_together():
         "stiffness_number": 100.0,
         "corner_radius": 0.02,
     }
-    with pytest.raises(SettingsError) as caught:
+    with pytest.raises(ParameterError) as caught:
         merge(shear_gouge.Params, options=values)
     text = "\n".join(caught.value.problems)
     assert all(words in text for words in ("--largest-diameter", "--steady-from", "--stiffness-number"))
+
+
+HERTZ = {"name": "hertz", "youngs_modulus": 1e9, "poissons_ratio": 0.3}
+GRAVITY = {"name": "gravity", "acceleration": [0.0, -9.81, 0.0]}
+BOND = {"name": "elastic_brittle_bond", "youngs_modulus": 1e9, "poissons_ratio": 0.2, "cohesion": 1e6} | {
+    "friction_angle": 0.6
+}
+
+
+@pytest.mark.parametrize(
+    ("values", "effect", "words"),
+    [
+        ({"shape": "angular", "dim": 3}, HERTZ, "need one radius of curvature"),
+        ({}, GRAVITY, "must be 2 numbers"),
+        ({}, BOND, "bond"),
+    ],
+)
+def test_effects_that_do_not_suit_the_grains_are_refused_as_effects(values, effect, words):
+    params = shear_gouge.Params(**values, effects=[effect])
+    with pytest.raises(lsm.InputError, match=rf"^effects: refused, as .*{words}.*; lsm list --effects"):
+        shear_gouge.check(params)
+
+
+def test_a_range_of_the_effects_beyond_half_of_the_cell_is_refused_with_the_length():
+    wide = {"name": "cohesion", "pull_off_force": 1.0, "distance": 1e-3}
+    params = shear_gouge.Params(grains=20, length=10, layer_thickness=8, effects=[wide])
+    shear_gouge.check(params)
+    with pytest.raises(lsm.InputError, match=r"^--length 10: refused, as .*must be >= .*make the layer larger"):
+        shear_gouge.build(params)
+
+
+def test_a_programming_error_is_not_reported_as_a_mistake_of_the_user():
+    with pytest.raises(TypeError, match=r"^no input$"), in_terms_of("--length 6", "make it longer"):
+        raise TypeError("no input")
 
 
 def test_equal_sizes_are_allowed():
@@ -213,7 +248,7 @@ def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeyp
 
 
 def test_a_broken_rule_between_fields_is_reported_beside_a_wrong_field():
-    with pytest.raises(SettingsError) as raised:
+    with pytest.raises(ParameterError) as raised:
         merge(shear_gouge.Params, options={"shape": "cubes", "smallest_diameter": "2e-4"})
     assert len(raised.value.problems) == 2
     assert "cubes" in raised.value.problems[0] and "no size is left" in raised.value.problems[1]

@@ -61,7 +61,7 @@ def run(params, out, progress=None):
     if params.act == "diverge":
         raise SimulationError("diverged at step 7")
     if params.act == "crash":
-        raise KeyError("a bug of ours")
+        raise KeyError("a programming error")
     if params.act == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     if params.act == "wait":

@@ -1,8 +1,8 @@
 """Choices that trade accuracy for time, and the trials that measure both.
 
-A module of this package has functions that measure some parameters and return Trials. Each is called in a process
-of its own, beside which nothing else runs where costs are timed: costs are times of a core, taken in turn, as medians.
-Errors are taken against a closed form, or a reference that the same call computes with the most accurate setting.
+A module of this package has functions that measure some parameters and return Trials. Each function is called in a
+process of its own, and alone where costs are timed: costs are medians of processor times, measured in rotation.
+Errors are relative to a closed form, or to a reference that the same call computes with the most accurate setting.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ class Trial:
     value
         The setting as a number on an axis.
     quantity
-        What the error is of.
+        Quantity that the error refers to.
     replica
-        Which of several measurements.
+        Number of the measurement.
     error
         Absolute deviation from the reference, or a standard error, in the unit of the quantity.
     cost
         Time of one core for a second of the physical time of one grain, or for a unit of strain of a layer [s].
     relative
-        That over the cost of our own discs at the default settings [1].
+        `cost` over that of discs at the default settings [1].
     """
 
     parameter: str
@@ -50,7 +50,7 @@ class Trial:
 
 
 def seconds_per_step(sims: dict[Any, lsm.Simulation], steps: int, turns: int) -> dict[Any, float]:
-    """Processor seconds for one grain and step of each simulation of `sims` {name: simulation}, in turn, as medians."""
+    """Median processor time [s] per grain and step of each of `sims` {name: simulation}, measured in rotation."""
     taken = {name: [] for name in sims}
     for turn in range(turns + 1):
         for name, sim in sims.items():

@@ -35,7 +35,7 @@ def linear() -> list[Any]:
 
 
 def hertz() -> list[Any]:
-    """Hertz's law with the same duration of the impacts of this module."""
+    """Hertz's law, for impacts as long as those of `linear` at SPEED."""
     depth = SPEED * DURATION / HERTZ_TIME
     radius = 0.25  # of two discs of 1 m, reduced
     modulus = 0.5 * (0.5 * MASS) * SPEED**2 * 15.0 / 8.0 / (np.sqrt(radius) * depth**2.5)
@@ -45,7 +45,7 @@ def hertz() -> list[Any]:
 FORCE_LAWS = {"linear": linear, "hertz": hertz}
 
 
-def pairs(scheme: str, law: str, per_contact: float, count: int, seed: int) -> tuple[lsm.Scene, NDArray]:
+def pairs(scheme: str, force_law: str, per_contact: float, count: int, seed: int) -> tuple[lsm.Scene, NDArray]:
     """`count` pairs of discs about to collide head on, each with another phase of the step at the first touch."""
     dt = DURATION / per_contact
     gap = SPEED * dt * (3.0 + np.random.default_rng(seed).uniform(0.0, 1.0, count))
@@ -53,19 +53,19 @@ def pairs(scheme: str, law: str, per_contact: float, count: int, seed: int) -> t
     position = np.stack([np.stack([0.0 * y, y], axis=1), np.stack([1.0 + gap, y], axis=1)], axis=1).reshape(-1, 2)
     velocity = np.tile([(0.5 * SPEED, 0.0), (-0.5 * SPEED, 0.0)], (count, 1))
     more = {"dt": dt, "integrator": getattr(lsm, CLASSES[scheme]), "guards": lsm.Guards(energy=None, step=None)}
-    return scene_of(position, FORCE_LAWS[law](), velocity=velocity, **more), gap
+    return scene_of(position, FORCE_LAWS[force_law](), velocity=velocity, **more), gap
 
 
 def errors_of_pairs(
-    sims: dict[Any, lsm.Simulation], scheme: str, law: str, per_contact: float, count: int, seed: int
+    sims: dict[Any, lsm.Simulation], scheme: str, force_law: str, per_contact: float, count: int, seed: int
 ) -> tuple[float, float, float]:
     """Errors of pairs of discs that collide once.
 
     Greatest relative error of the energy of all pairs together during the collision; rms over the phases of its error
-    after it; rms of the error of the distance, over what the grains fly in one contact.
+    after it; rms of the error of the distance, over the distance that the grains fly in one contact.
     """
-    scene, gap = pairs(scheme, law, per_contact, count, seed)
-    sim = loaded(sims, (scheme, law), scene)
+    scene, gap = pairs(scheme, force_law, per_contact, count, seed)
+    sim = loaded(sims, (scheme, force_law), scene)
     start, during = lsm.energies(sim).balance, 0.0
     for _ in range(int(per_contact + 14) // 3 + 1):  # whole steps of Forest-Ruth
         sim.run(3)
@@ -86,12 +86,12 @@ def loaded(sims: dict[Any, lsm.Simulation], key: tuple[str, str], scene: lsm.Sce
     return sims[key]
 
 
-def rack(scheme: str, per_contact: int, turn: float) -> lsm.Scene:
-    """A disc that hits a triangle of nine discs a little apart, off its axis and turned by `turn` [rad]."""
+def rack(scheme: str, per_contact: int, angle: float) -> lsm.Scene:
+    """A disc that hits a triangle of nine discs a little apart, off its axis, the whole rotated by `angle` [rad]."""
     row = [(i * np.sqrt(0.75), j - 0.5 * i) for i in range(4) for j in range(i + 1)][: RACK - 1]
     position = 1.004 * np.array([(0.0, 0.0), *row]) + [0.0, 0.0]
     position[0] = (-1.02, 0.13)
-    c, s = np.cos(turn), np.sin(turn)
+    c, s = np.cos(angle), np.sin(angle)
     position = position @ np.array([[c, s], [-s, c]])
     velocity = np.zeros((RACK, 2))
     velocity[0] = SPEED * np.array([c, s])
@@ -99,24 +99,24 @@ def rack(scheme: str, per_contact: int, turn: float) -> lsm.Scene:
     return scene_of(position, linear(), velocity=velocity, guards=lsm.Guards(energy=None, step=None), **more)
 
 
-def places_of_rack(sims: dict[Any, lsm.Simulation], scheme: str, per_contact: int, turn: float) -> NDArray:
+def places_of_rack(sims: dict[Any, lsm.Simulation], scheme: str, per_contact: int, angle: float) -> NDArray:
     """Positions (n, 2) [m] of the discs of the rack after four contact times."""
-    sim = loaded(sims, (scheme, "rack"), rack(scheme, per_contact, turn))
+    sim = loaded(sims, (scheme, "rack"), rack(scheme, per_contact, angle))
     sim.run(4 * per_contact)
     return sim.state.position.to_numpy()
 
 
-def measure_collisions(params: Params, law: str) -> list[Trial]:
+def measure_collisions(params: Params, force_law: str) -> list[Trial]:
     """Trials of single collisions with this force law, without costs: schemes by steps per contact."""
-    schemes = SCHEMES if law == "linear" else ("symplectic_euler", "velocity_verlet", "onset_verlet")
+    schemes = SCHEMES if force_law == "linear" else ("symplectic_euler", "velocity_verlet", "onset_verlet")
     sims, trials = {}, []
     # contacts that last whole steps end at the phase at which they began, and errors cancel
     fractions = (np.arange(params.replicas) + 0.5) / params.replicas - 0.5
     for scheme in schemes:
-        parameter = scheme if law == "linear" else f"{scheme}, Hertz"
+        parameter = scheme if force_law == "linear" else f"{scheme}, Hertz"
         for n in LEVELS:
             for replica, fraction in enumerate(fractions):
-                found = errors_of_pairs(sims, scheme, law, n + fraction, params.phases, params.seed + replica)
+                found = errors_of_pairs(sims, scheme, force_law, n + fraction, params.phases, params.seed + replica)
                 for quantity, error in zip(OF_PAIRS, found):
                     trials.append(
                         Trial(parameter, f"{n} steps per contact", n, quantity, replica, error, np.nan, np.nan)
@@ -125,15 +125,15 @@ def measure_collisions(params: Params, law: str) -> list[Trial]:
 
 
 def measure_rack(params: Params) -> list[Trial]:
-    """Trials of the rack, without costs: rms error of the places over what the first disc flies in one contact."""
+    """Trials of the rack, without costs: rms error of the positions over the flight in one contact."""
     sims, trials = {}, []
-    turns = np.random.default_rng(params.seed).uniform(0.0, 1.0, params.replicas)
-    exact = [places_of_rack(sims, "onset_verlet", FINEST, turn) for turn in turns]
+    angles = np.random.default_rng(params.seed).uniform(0.0, 1.0, params.replicas)
+    exact = [places_of_rack(sims, "onset_verlet", FINEST, angle) for angle in angles]
     for scheme in SCHEMES:
         for n in LEVELS:
             if n % 3 == 0 or scheme != "forest_ruth":
-                for replica, turn in enumerate(turns):
-                    off = places_of_rack(sims, scheme, n, turn) - exact[replica]
+                for replica, angle in enumerate(angles):
+                    off = places_of_rack(sims, scheme, n, angle) - exact[replica]
                     error = float(np.sqrt((off**2).sum(axis=1).mean()) / (SPEED * DURATION))
                     where = (scheme, f"{n} steps per contact", n, "places after ten collisions", replica)
                     trials.append(Trial(*where, error, np.nan, np.nan))

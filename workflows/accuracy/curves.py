@@ -1,4 +1,4 @@
-"""What the trials say: curves of error against cost, their orders, and what ten times less error costs."""
+"""Curves of error against cost from the trials, their orders, and the cost of ten times less error."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from workflows.accuracy import Trial
 
-LEAST_ORDER = 0.3  # in the value of the parameter: an error that changes more slowly is not worth the parameter
-LEAST_GROWTH = 0.02  # of the cost, likewise: a parameter that costs less is free
+LEAST_ORDER = 0.3  # in the value of the parameter: below it, the error hardly depends on the parameter
+LEAST_GROWTH = 0.02  # of the cost, likewise: below it, the parameter is free
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ GROUPS = {  # schemes whose simulations fit into one process
     "single": ("onset_verlet",),
 }
 DISC = 0.93  # diameter of the discs, in places of their lattice
-LIMIT = 0.5  # of the energy of the start: a gas that has changed by so much is not followed any further
+LIMIT = 0.5  # of the energy of the start: beyond this change the run is ended
 SKINS = (0.01, 0.03, 0.07, 0.15, 0.3, 0.6)  # in diameters
 
 
@@ -32,7 +32,7 @@ def gas(
     """The elastic gas of `energy_conservation`, of arcs, or of as many equal discs on a lattice of the same cell."""
     of_gas = energy_conservation.Params(seed=seed)
     known = scheme if scheme in energy_conservation.SCHEMES else "onset_verlet"
-    scene = energy_conservation.build(of_gas, params.gas_grains, seed, per_contact, known)
+    scene = energy_conservation.build(of_gas, params.gas_grains, seed, per_contact, known, "--gas-grains")
     scene.integrator = getattr(lsm, CLASSES[scheme])
     scene.guards = lsm.Guards(energy=None, step=None)
     if body == "discs":
@@ -48,7 +48,7 @@ def gas(
 
 
 def drift(sim: lsm.Simulation, contacts: float, per_contact: float, samples: int = 60) -> float:
-    """Greatest relative error of the energy over so many contact times; infinite for a gas that is lost."""
+    """Greatest relative error of the energy over `contacts` contact durations; infinite if the run is stopped."""
     start, worst = lsm.energies(sim).balance, 0.0
     chunk = max(3, 3 * round(contacts * per_contact / samples / 3))
     for _ in range(samples):
@@ -95,8 +95,8 @@ def measure_gas(params: Params, group: str) -> list[Trial]:
 
 
 def measure_lists(params: Params) -> list[Trial]:
-    """Trials of the skin: whether any position differs, and what it costs, by the gas of discs."""
-    trials, ways = [], {}
+    """Trials of the skin by the gas of discs: greatest difference of a position, and cost."""
+    trials, positions = [], {}
     sim, usual = reference(params)
     scenes = {skin: gas(params, "onset_verlet", 48, params.seed, "discs") for skin in SKINS}
     for skin, scene in scenes.items():
@@ -109,10 +109,10 @@ def measure_lists(params: Params) -> list[Trial]:
             sim.run(params.timed_steps)
             if turn:
                 taken[skin].append((time.process_time() - began) / params.timed_steps / len(sim))
-            ways[skin] = sim.state.position.to_numpy()
+            positions[skin] = sim.state.position.to_numpy()
     default = float(np.median(taken[0.07]))
     for skin in SKINS:
-        error, cost = float(np.abs(ways[skin] - ways[0.07]).max()), float(np.median(taken[skin]))
+        error, cost = float(np.abs(positions[skin] - positions[0.07]).max()), float(np.median(taken[skin]))
         where = ("skin", f"{skin:g} d", skin, "difference of positions", 0)
         trials.append(Trial(*where, error, cost * usual, cost / default))
     return trials

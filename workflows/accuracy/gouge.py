@@ -41,7 +41,7 @@ def layer(params: Any, shape: str, seed: int, **changes: float) -> shear_gouge.P
 
 
 def jobs_of(params: Params, shape: str, parameters: Sequence[str], out: Path) -> dict[tuple[str, float, int], Job]:
-    """{(parameter, setting, seed): job} of all runs, in turn: settings change first.
+    """{(parameter, setting, seed): job} of all runs; settings change fastest.
 
     Those of the base layer share its runs.
     """
@@ -59,7 +59,7 @@ def jobs_of(params: Params, shape: str, parameters: Sequence[str], out: Path) ->
 
 
 def run_missing(jobs: Sequence[Job], at_a_time: int) -> list[Path]:
-    """As `run_replicas`, but runs that are there, complete and of the same parameters are not made again."""
+    """As `run_replicas`, but complete runs of the same parameters that exist already are not repeated."""
 
     def there(job):
         files = [Path(job[3]) / name for name in ("run.nc", "summary.json", "config.toml")]
@@ -117,16 +117,16 @@ def measure_parameters(
 
 
 def costs_of(found: dict[Any, Any]) -> dict[tuple[str, float], float]:
-    """{(parameter, setting): median over the seeds of what a unit of strain costs [s]}."""
+    """{(parameter, setting): median over the seeds of the cost of a unit of strain [s]}."""
     keys = dict.fromkeys((parameter, setting) for parameter, setting, _ in found)
     return {key: float(np.median([m["cost"] for k, m in found.items() if k[:2] == key])) for key in keys}
 
 
 def of_steps(params: Params, found: dict[Any, Any]) -> dict[str, dict[str, float]]:
-    """What the table for target errors says of time steps: bias of the friction and cost over that of the usual step.
+    """Entries of time steps in the table for target errors: bias of the friction, and cost over that of the usual step.
 
-    The usual step counts as unbiased: a quarter of it gives no other friction that could be resolved. Of the longer
-    one the difference from the shortest is the bias, or its standard error where that is more.
+    The usual step counts as unbiased, as a quarter of it gives the same friction within the errors. The bias of the
+    longer one is the difference from the shortest, or the standard error of this difference if that is larger.
     """
     base, seeds = shear_gouge.Params().step_safety, seeds_of(params)
     if ("step_safety", PARAMETERS["step_safety"][0], params.seed) not in found:
@@ -223,7 +223,7 @@ def measure_strain(params: Params, shape: str, out: Path, usual: float) -> tuple
 
 
 def row_of_table(of_run: shear_gouge.Params, folders: Sequence[Path], series: Series, cost: float) -> dict[str, Any]:
-    """What target errors are planned from: variances and times of the layer `of_run`."""
+    """Variances and times of the layer `of_run`, from which target errors are planned."""
     between, within = variance_law(series)
     thickness, lengths = of_run.layer
     area = thickness * np.prod(lengths) / of_run.diameter ** (1 + len(lengths))

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 PATCHES = (12, 18, 30, 60, 120)  # per grain
 DISCS = (12, 18, 30, 60)  # per clump
-CORNERS = (0.2, 0.1, 0.05, 0.03)  # radius, in diameters
 SHARPEST = 0.02
 LAYER = {"layer_thickness": 8.0, "length": 8.0, "inertial_number": 1e-2, "strain": 1.2}  # in which shapes are timed
 STIFFNESS = 1e7  # [N m-1], of impacts
@@ -31,7 +30,7 @@ STARS = 8  # along each side of their gas
 
 
 def polygons(params: Params, corner_radius: float = 0.05) -> shape_roughness.Params:
-    """What `shape_roughness` compares: its parameters, with this corner radius."""
+    """Parameters of `shape_roughness` with this corner radius."""
     return shape_roughness.Params(seed=params.seed, corner_radius=corner_radius)
 
 
@@ -68,7 +67,7 @@ def measure_layer(params: Params, kind: str, count: Any) -> tuple[float, float, 
 
 
 def trials_of(rows: dict[Any, list[Any]]) -> list[Trial]:
-    """Trials from {(kind, count): [what `measure_layer` gave, by turn]}, with ("round", 0) for the discs."""
+    """Trials from {(kind, count): results of `measure_layer`, one per repetition}; discs are ("round", 0)."""
 
     def cost(of_kind):
         return float(np.median([seconds / step for _, seconds, step, _ in of_kind]))
@@ -84,7 +83,7 @@ def trials_of(rows: dict[Any, list[Any]]) -> list[Trial]:
 
 
 def impact(shapes: Sequence[Any], pair: NDArray, angles: ArrayLike) -> lsm.Scene:
-    """Two grains, of the rows `pair` of `shapes`, turned by `angles` [rad], that meet off their axis."""
+    """Two grains, of the rows `pair` of `shapes`, at the angles [rad] `angles`, that collide off their axis."""
     velocity = 0.5 * SPEED * np.array([(1.0, 0.0), (-1.0, 0.0)])
     more = {"shapes": shapes, "shape_index": pair, "angle": angles, "velocity": velocity, "safety": 0.1}
     return scene_of([(0.0, 0.0), (1.3, 0.25)], [lsm.LinearElastic(STIFFNESS)], **more)
@@ -93,15 +92,15 @@ def impact(shapes: Sequence[Any], pair: NDArray, angles: ArrayLike) -> lsm.Scene
 def measure_impacts(params: Params) -> list[Trial]:
     """Trials of the motion after impacts of ellipses of more and more patches, without costs.
 
-    Of polygons it would not converge: with more patches their sides become flatter, and where two flat sides touch
-    depends on that and not on the outline.
+    For polygons it would not converge: with more patches their sides become flatter, and the contact point of two flat
+    sides depends on that and not on the outline.
     """
     trials, results, sim = [], {}, None
     rng = np.random.default_rng(params.seed)
-    turns = rng.uniform(0.0, 6.0, (params.impacts, 2))
+    orientations = rng.uniform(0.0, 6.0, (params.impacts, 2))
     for count in (MOST_PATCHES, *PATCHES):
         shapes, ends = [lsm.shapes.ellipse(1.5, count)], []
-        for angles in turns:
+        for angles in orientations:
             scene = impact(shapes, np.array([0, 0]), angles)
             if sim is None:
                 sim = lsm.Simulation(scene)
@@ -127,7 +126,7 @@ def star(bars: int) -> Any:
 
 
 def hull_error(bars: int) -> float:
-    """Greatest distance [diameters] between the outline of a star and its convex hull, which could stand for it."""
+    """Greatest distance [diameters] between the outline of a star and its convex hull, which could replace it."""
     import shapely
 
     outlines = [part.outline(2000) for part in star(bars).parts]
@@ -138,7 +137,7 @@ def hull_error(bars: int) -> float:
 
 
 def gas_of(shape: Any, seed: int) -> lsm.Scene:
-    """STARS^2 grains of this shape in a periodic square, as close as their bounding circles let them, flying about."""
+    """STARS^2 grains in a periodic square, as close as their bounding circles allow, at random velocities."""
     rng, count = np.random.default_rng(seed), STARS**2
     pitch = 2.02 * shape.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(count), STARS), axis=1)
@@ -151,7 +150,7 @@ def gas_of(shape: Any, seed: int) -> lsm.Scene:
 
 
 def measure_parts(params: Params) -> list[Trial]:
-    """Trials of non-convex grains: what their hull would get wrong, and their cost in a gas over that of discs."""
+    """Trials of non-convex grains: shape error of their hull, and cost in a gas over that of discs."""
     sims = {bars: lsm.Simulation(gas_of(star(bars), params.seed)) for bars in BARS}
     sims[0] = lsm.Simulation(gas_of(lsm.disc(), params.seed))
     taken = seconds_per_step(sims, params.timed_steps, params.turns)

@@ -34,7 +34,7 @@ def plugin_folder() -> Path | None:
 
 
 def workflow_files() -> list[Path]:
-    """The files that define a workflow, ours first; read, but not imported."""
+    """The files that define a workflow, those of this package first; read, but not imported."""
     found = [path for path in sorted(HERE.glob("*.py")) if is_workflow(path)]
     folder = plugin_folder()
     if folder is None:
@@ -67,7 +67,7 @@ def is_workflow(path: Path) -> bool:
 
 
 def load_path() -> None:
-    """Make the plugins' modules importable as `workflows.<name>`; ours are found first."""
+    """Make the plugins' modules importable as `workflows.<name>`; those of this package are found first."""
     folder = plugin_folder()
     if folder is not None and str(folder) not in workflows.__path__:
         workflows.__path__.append(str(folder))
@@ -75,7 +75,7 @@ def load_path() -> None:
 
 
 def find_workflows() -> dict[str, ModuleType]:
-    """Command name -> module of every workflow; raises DiscoveryError naming the file that is at fault."""
+    """Command name -> module of every workflow; raises DiscoveryError that names the file."""
     load_path()
     found = {}
     for path in workflow_files():

@@ -1,4 +1,4 @@
-"""What `lsm list` and `lsm info` show."""
+"""Output of `lsm list` and `lsm info`."""
 
 import dataclasses
 import inspect
@@ -12,6 +12,8 @@ from workflows.common.metrics import FILE, print_summary
 from workflows.common.parameters import nearest
 
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
+
+FORMER_KEY = "figures"  # of summary.json, in place of "metrics"
 
 
 class NoRunError(InputError):
@@ -37,7 +39,7 @@ def print_list(workflows: dict[str, ModuleType]) -> int:
 
 
 def print_effects() -> int:
-    """Print every effect: equation, parameters with units, what it remembers, and what it was measured to cost."""
+    """Print equation, parameters with units, history per contact and measured cost of every effect."""
     import taichi_lsm as lsm
 
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
@@ -51,7 +53,7 @@ def print_effects() -> int:
             print(f"  parameter   {field.name} [{effect.units.get(field.name, '?')}]{given}")
         for value in case.history:
             sizes = " or ".join(f"{8 * value.size(dim)} bytes in {dim}D" for dim in (2, 3))
-            print(f"  remembers   {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
+            print(f"  history     {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
         cost = saved["effects"].get(name)
         if cost:
             print(
@@ -61,7 +63,7 @@ def print_effects() -> int:
         else:
             print("  cost        not measured")
         print()
-    print(f"Costs: {saved['about']['scene']}, on {saved['about']['machine']}; python -m benchmarks.effects")
+    print(f"Costs of scene {saved['about']['scene']}, on {saved['about']['machine']}: python -m benchmarks.effects")
     return 0
 
 
@@ -77,10 +79,7 @@ def print_info(folder: Path) -> int:
         print(f"{name}: {value}")
     if (folder / FILE).is_file():
         print()
-        try:
-            print_summary(json.loads((folder / FILE).read_text(encoding="utf-8")))
-        except (ValueError, KeyError, TypeError, AttributeError):
-            print(f"{FILE}: unreadable")
+        _print_metrics(folder / FILE)
     print("\nFiles:")
     width = max(len(str(p.relative_to(folder))) for p in files)
     for path in files:
@@ -88,8 +87,20 @@ def print_info(folder: Path) -> int:
     return 0
 
 
+def _print_metrics(path: Path) -> None:
+    """Print the metrics of summary.json, or why they cannot be shown."""
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if "metrics" not in summary and FORMER_KEY in summary:
+            print(f"{FILE}: made by an earlier version, which wrote `{FORMER_KEY}` for `metrics`; repeat the run")
+        else:
+            print_summary(summary)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        print(f"{FILE}: unreadable")
+
+
 def _attributes(folder: Path) -> dict:
-    """Attributes of run.nc, or of the first NetCDF file beside where run.nc would be."""
+    """Attributes of run.nc, or of the first NetCDF file of the folder if there is no run.nc."""
     for path in (folder / "run.nc", *sorted(folder.glob("*.nc"))):
         try:
             with _open(path) as file:

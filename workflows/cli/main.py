@@ -20,7 +20,7 @@ from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
 from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
-from workflows.common.parameters import DEFAULT_PRESET, Params, SettingsError, merge, nearest, option_name
+from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 
 COMPLETE, FAILED, BAD_INPUT = 0, 1, 2
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -79,7 +79,7 @@ def _parse_problem(error: CycloptsError) -> str:
         return f"{token}: unknown command, must be one of {', '.join(names)}.{nearest(token, names)}"
     if isinstance(error, UnusedCliTokensError):
         return f"{' '.join(error.unused_tokens or ())}: unexpected; every value follows its option."
-    error.verbose = False  # or the text names our functions and their files
+    error.verbose = False  # or the message names functions and files of the program
     return str(error)
 
 
@@ -98,12 +98,12 @@ def version_text() -> str:
         except metadata.PackageNotFoundError:
             return None
 
-    ours = of("taichi-lsm")
-    if ours is None:  # run from a source tree that is not installed
+    version = of("taichi-lsm")
+    if version is None:  # run from a source tree that is not installed
         import taichi_lsm
 
-        ours = taichi_lsm.__version__
-    return f"taichi-lsm {ours}\nTaichi {of('taichi') or 'not installed'}\nPython {platform.python_version()}"
+        version = taichi_lsm.__version__
+    return f"taichi-lsm {version}\nTaichi {of('taichi') or 'not installed'}\nPython {platform.python_version()}"
 
 
 def build_app(found: dict[str, ModuleType]) -> App:
@@ -132,7 +132,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
         return inspect_run.print_effects() if effects else inspect_run.print_list(found)
 
     def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
-        """Show what a folder holds: status, metrics, files."""
+        """Show status, metrics and files of the run in a folder."""
         try:
             return inspect_run.print_info(folder)
         except inspect_run.NoRunError as error:
@@ -146,7 +146,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
 def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
     """A function that runs the workflow, with one keyword-only parameter per option.
 
-    Every option but a flag is taken as text, so that pydantic judges all of them together.
+    Every option but a flag is taken as text, so that pydantic checks all of them together.
     """
     params_class: type[Params] = module.Params
     default_values = {
@@ -163,9 +163,9 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
 
     listed = [
         parameter("preset", str, FILES, f"starting values; one of {presets}", DEFAULT_PRESET, metavar="NAME"),
-        parameter("config", str, FILES, "TOML file of parameters; they win over the preset", metavar="FILE"),
+        parameter("config", str, FILES, "TOML file of parameters; they override the preset", metavar="FILE"),
         parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
-        parameter("overwrite", bool, FILES, "write over the files of a folder that is not empty", negative=()),
+        parameter("overwrite", bool, FILES, "write over files in a folder that is not empty", negative=()),
         parameter("quiet", bool, FILES, "print nothing but errors", negative=()),
     ]
     only_toml = []
@@ -194,7 +194,7 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
         return execute(name, module, given, **common)
 
     command.__name__ = name.replace("-", "_")
-    command.__doc__ = (inspect.getdoc(module) or name).strip()
+    command.__doc__ = _unwrapped(inspect.getdoc(module) or name)
     if only_toml:
         command.__doc__ += f"\n\nOnly in a TOML file (--config): {', '.join(only_toml)}."
     command.__signature__ = inspect.Signature(listed, return_annotation=int)
@@ -202,8 +202,13 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
     return command
 
 
+def _unwrapped(text: str) -> str:
+    """The paragraphs of a docstring, each on one line: the terminal decides where lines end."""
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n"))
+
+
 def option_help(field: FieldInfo) -> str:
-    """Description (which ends in the unit) and what is allowed."""
+    """Description of an option, which ends with the unit, and the allowed values."""
     names = choices(field.annotation)
     bounds = f"one of {', '.join(names)}" if names else limits(field.metadata)
     if kind(field.annotation) == "list":
@@ -255,7 +260,7 @@ def execute(
             _remove_empty(made)
             return _complain(_problems_of(error))
         except (SimulationError, MemoryError, OSError) as error:
-            if isinstance(error, BrokenPipeError):  # who read the output has left: `main` ends quietly
+            if isinstance(error, BrokenPipeError):  # the output is no longer read: `main` ends quietly
                 raise
             _complain([_failure_of(error)])
             return FAILED
@@ -264,11 +269,11 @@ def execute(
 
 def _problems_of(error: InputError) -> list[str]:
     """One line for each mistake of the user."""
-    return error.problems if isinstance(error, SettingsError) else [str(error)]
+    return error.problems if isinstance(error, ParameterError) else [str(error)]
 
 
 def _failure_of(error: Exception) -> str:
-    """Why a run could not be completed, as one message."""
+    """The reason why a run could not be completed, as one message."""
     if isinstance(error, MemoryError):
         return f"not enough memory for a run of this size: {error or 'the system gave no more'}."
     if isinstance(error, OSError):
@@ -277,7 +282,7 @@ def _failure_of(error: Exception) -> str:
 
 
 def refusals(folder: Path, overwrite: bool) -> list[str]:
-    """Why the folder cannot be written to; [] if it can."""
+    """Reasons why the folder cannot be written to; [] if it can."""
     try:
         return _refusals(folder, overwrite)
     except OSError as error:  # such as a name that is too long
@@ -300,7 +305,7 @@ def _refusals(folder: Path, overwrite: bool) -> list[str]:
 
 
 def _remove_empty(folders: list[Path]) -> None:
-    """Take back folders that were made for nothing, innermost first; one that holds something stays."""
+    """Remove the folders that were made for a refused run, innermost first, up to one that holds something."""
     for folder in folders:
         try:
             folder.rmdir()

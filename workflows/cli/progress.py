@@ -1,4 +1,4 @@
-"""The line that says how far a run is: live in a terminal, now and then a plain line elsewhere."""
+"""The progress of a run on one line: updated in a terminal, printed from time to time elsewhere."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ProgressLine:
         self._live: Live | None = None
 
     def __call__(self, report: Any) -> None:
-        """Show a report, or drop it if one of the same label was shown a moment ago."""
+        """Show a report, or drop it if one of the same label was shown less than the interval ago."""
         if self._quiet:
             return
         report = as_dict(report)
@@ -60,7 +60,7 @@ class ProgressLine:
         self._live.update(Group(*(Text(format_line(r)) for r in self._reports.values())), refresh=True)
 
     def close(self) -> None:
-        """Leave the last lines standing and give the terminal back."""
+        """Draw the last reports and end the live display."""
         if self._live is not None:
             self._draw()
             self._live.stop()
@@ -74,7 +74,7 @@ class ProgressLine:
 
 
 def as_dict(report: Any) -> dict:
-    """A report as a dict, whether it is one or a dataclass."""
+    """A report, a mapping or a dataclass, as a dict."""
     if isinstance(report, Mapping):
         return dict(report)
     return {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
@@ -110,7 +110,7 @@ def _missing(value: Any) -> bool:
 
 
 def scaled(value: float, units: tuple[str, ...]) -> str:
-    """A value with the unit of a thousand-step series that keeps it readable: 5e6 -> "5.00 MPa"."""
+    """A value with the unit prefix that brings it below 1000: 5e6 -> "5.00 MPa"."""
     power = 0
     while abs(value) >= 1000 and power < len(units) - 1:
         value, power = value / 1000, power + 1

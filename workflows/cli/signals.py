@@ -5,9 +5,9 @@ from __future__ import annotations
 import signal
 import time
 
-# A terminal signals a whole process group and a parent passes the signal on as well: the same wish arrives
-# twice within milliseconds, and must not interrupt the flush that the first one started.
-SAME_WISH_S = 2.0
+# A terminal signals a whole process group and a parent passes the signal on as well: the same request
+# arrives twice within milliseconds, and must not interrupt the flush that the first one started.
+SAME_REQUEST_S = 2.0
 
 HANDLED = (signal.SIGTERM, signal.SIGINT)
 
@@ -31,12 +31,12 @@ def install() -> dict:
 
     Only the main thread may call it (a rule of Python).
     """
-    last = -SAME_WISH_S
+    last = -SAME_REQUEST_S
 
     def handle(signum, frame):
         nonlocal last
         now = time.monotonic()
-        if now - last >= SAME_WISH_S:
+        if now - last >= SAME_REQUEST_S:
             last = now
             raise Interrupted(signum)
 

@@ -1,4 +1,4 @@
-"""Metrics of a run, as summary.json for programs and as a table for people."""
+"""Metrics of a run, as summary.json and as a printed table."""
 
 import json
 import math
@@ -15,7 +15,7 @@ FILE = "summary.json"
 
 @dataclass(frozen=True)
 class Metric:
-    """One number that a run yields, with what is claimed of it.
+    """One number that a run yields, with the bound that is claimed for it.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Metric:
     unit
         Unit, "1" for a pure number.
     bound, holds
-        Given together, and only where something is claimed: the limit (a number in `unit`, or words), and whether the
+        Given together, and only where a bound is claimed: the bound (a number in `unit`, or words), and whether the
         value respects it.
     """
 
@@ -59,7 +59,7 @@ def _number(value: Any) -> float | int | str | None:
 def write_summary(
     out: str | os.PathLike[str], workflow: str, preset: str | None, metrics: dict[str, Metric], quiet: bool = False
 ) -> dict[str, Any]:
-    """Write `out`/summary.json and print the same as a table; returns what was written.
+    """Write `out`/summary.json and print its table; returns the summary.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def write_summary(
     path = Path(out) / FILE
     partial = path.with_name(FILE + ".partial")
     partial.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(partial, path)  # a reader sees the old file or the new one, never half of one
+    os.replace(partial, path)  # the file is the old or the new one at any time, never half of one
     if not quiet:
         print_summary(summary)
     return summary

@@ -86,7 +86,7 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | N
     InputError
         Likewise, if all that failed was refused as bad input.
     Interrupted
-        After the signal was handed on and the children have flushed their files and ended.
+        After the signal was passed on and the children have flushed their files and ended.
     ValueError
         For equal labels.
     """
@@ -140,23 +140,23 @@ def _start(job: Job, log: Path, reports: bool, running: list[_Running]) -> None:
     """Start the process of a job and add it to `running`."""
     label, module_name, params, out = job
     context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe(duplex=False)
+    receiver, sender = context.Pipe(duplex=False)
     # Pickled here, and read by the child only once it can import a plugin's Params.
     payload = pickle.dumps((module_name, params, str(out), reports))
-    process = context.Process(target=_child, args=(label, payload, theirs, str(log)), name=f"lsm {label}", daemon=True)
+    process = context.Process(target=_child, args=(label, payload, sender, str(log)), name=f"lsm {label}", daemon=True)
     resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again
     # The child inherits both: numpy reads the limits when it is imported, and a signal that arrives before
-    # the child has its handlers waits instead of killing it. We see it once the child is in `running`.
+    # the child has its handlers waits instead of killing it. It is handled once the child is in `running`.
     with _environment(ONE_THREAD), _blocked_signals():
         process.start()
-        running.append(_Running(label, process, ours, log, {"label": label}))
-    theirs.close()
+        running.append(_Running(label, process, receiver, log, {"label": label}))
+    sender.close()
 
 
 def _attend(
     running: list[_Running], show: Callable[[dict], None], failures: dict[str, str], refused: set[str]
 ) -> list[_Running]:
-    """Wait for something to happen, pass reports on, note failures; returns the runs still going."""
+    """Wait for a report or an end, pass reports on, record failures; returns the runs that have not ended."""
     wait([r.pipe for r in running] + [r.process.sentinel for r in running])
     still = []
     for run in running:
@@ -190,7 +190,7 @@ def _drain(run: _Running, show: Callable[[dict], None]) -> None:
 
 
 def _stop(running: list[_Running], signum: int) -> None:
-    """Hand the signal on, and any further one, and wait until every child has flushed and ended."""
+    """Pass on the signal, and any further one, and wait until every child has flushed its files and ended."""
     while running:
         try:
             for run in running:
@@ -203,7 +203,7 @@ def _stop(running: list[_Running], signum: int) -> None:
 
 def _joined(run: _Running) -> bool:
     while run.process.is_alive():
-        # Read on, or a child that waits for room in its pipe never gets to its flush.
+        # Read on, or a child that waits until its pipe has space never flushes its files.
         wait([run.pipe, run.process.sentinel])
         _drain(run, lambda report: None)
     run.process.join()

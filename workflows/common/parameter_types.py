@@ -1,4 +1,4 @@
-"""What a parameter's type annotation means on the command line, and in words."""
+"""Type annotations of parameters: their form on the command line, and in words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-# One and many of it.
+# Singular and plural.
 NOUNS = {
     bool: ("true or false", "true or false"),
     int: ("an integer", "integers"),
@@ -36,7 +36,7 @@ def accepts(annotation: Any, kind_wanted: type) -> bool:
 
 
 def kind(annotation: Any) -> str:
-    """How the field is given: "flag", "text" (one value), "list" (comma-separated), "toml" (only there)."""
+    """Form of an option: "flag", "text" (one value), "list" (comma-separated), "toml" (in a TOML file only)."""
     options = [m for m in members(annotation) if m is not types.NoneType]
     if options == [bool]:
         return "flag"
@@ -79,7 +79,7 @@ def split_list(annotation: Any, value: Any) -> Any:
 
 
 def metavar(annotation: Any) -> str:
-    """What stands for the value in a help text: --grains INTEGER."""
+    """Placeholder of the value in a help text, as in --grains INTEGER."""
     if kind(annotation) == "list":
         return "LIST"
     first = members(annotation)[0]
@@ -114,7 +114,7 @@ def limits(metadata: list) -> str:
 
 
 def _digits(bound: float) -> str:
-    """A bound as text: an integer with all its digits, as users compare theirs with it."""
+    """A bound as text: an integer with all its digits, others shortened."""
     return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
@@ -126,7 +126,7 @@ def _noun(annotation: Any, plural: bool = False) -> str:
 
 
 def allowed(field: FieldInfo) -> str:
-    """What a pydantic field allows, in words: "a number, greater than 0", "one of f64, f32"."""
+    """Allowed values of a pydantic field, in words: "a number, greater than 0", "one of f64, f32"."""
     options = [m for m in members(field.annotation) if m is not types.NoneType]
     words = []
     for member in options:

@@ -22,7 +22,7 @@ from taichi_lsm.core.errors import InputError
 from workflows.common.parameter_types import accepts, allowed, choices, kind, split_list
 from workflows.common.toml_writer import to_toml
 
-__all__ = ["DEFAULT_PRESET", "Params", "SettingsError", "merge", "nearest", "option_name", "to_toml"]
+__all__ = ["DEFAULT_PRESET", "ParameterError", "Params", "merge", "nearest", "option_name", "to_toml"]
 
 DEFAULT_PRESET = "standard"
 
@@ -43,7 +43,7 @@ EXPLAINED = (
 )
 
 
-class SettingsError(InputError):
+class ParameterError(InputError):
     """One or more mistakes in the parameters. `problems` holds one message for each."""
 
     def __init__(self, problems: list[str]) -> None:
@@ -51,7 +51,7 @@ class SettingsError(InputError):
         self.problems = list(problems)
 
     def __reduce__(self) -> tuple:
-        return SettingsError, (self.problems,)
+        return ParameterError, (self.problems,)
 
 
 class Params(pydantic.BaseModel):
@@ -125,7 +125,7 @@ def merge(
 
     Raises
     ------
-    SettingsError
+    ParameterError
         With every mistake of all three sources.
     """
     fields = params_class.model_fields
@@ -163,7 +163,7 @@ def merge(
         problems += _explain(error, params_class, values, sources)
         problems += _rules_between(error, params_class, values, problems)
     if problems or params is None:
-        raise SettingsError(problems)
+        raise ParameterError(problems)
     vars(params)["preset_name"] = name  # in the place of the cached property
     return params
 
@@ -205,7 +205,7 @@ def _explain(error: pydantic.ValidationError, params_class: type[Params], values
             wrong = _nested(params_class, loc, item, reason)
             messages[loc] = f"{place} = {_shown(item['input'])}{source}: {wrong}"
         else:
-            # Every alternative of a union and every item of a list complains: the reader made one mistake.
+            # Every alternative of a union and every item of a list has its error, for one mistake.
             must = f"must be {allowed(field)}" if item["type"].endswith(EXPLAINED) else reason
             hint = nearest(item["input"], choices(field.annotation))
             shown = _shown(values.get(name, field.default))

@@ -1,4 +1,4 @@
-"""Refusals of what a user gave, in the words of the options that gave it."""
+"""Refusals of values, in terms of the options that gave them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflo
     Raises
     ------
     InputError
-        With every reason why the values are refused, as pydantic's own error is not meant for a user.
+        With every reason why the values are refused, in place of pydantic's error.
     """
     try:
         return params_class.model_validate(values)
@@ -30,21 +30,21 @@ def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflo
 
 @contextmanager
 def in_terms_of(options: str, remedy: str) -> Iterator[None]:
-    """Within this block, what the library refuses is told as a mistake in `options`.
+    """Report what the library refuses within this block as a mistake in `options`.
 
     Parameters
     ----------
     options
         The options that gave the values, each with its value: "--length 6, --corner-radius 0.2".
     remedy
-        What to change, as the end of the sentence.
+        How to mend it, as the end of the sentence.
 
     Raises
     ------
     InputError
-        In place of every ValueError (also InputError) and TypeError.
+        In place of every InputError. Any other exception is a programming error and passes unchanged.
     """
     try:
         yield
-    except (ValueError, TypeError) as error:
+    except InputError as error:
         raise InputError(f"{options}: refused, as {str(error).rstrip('.')}; {remedy}") from error

@@ -45,7 +45,7 @@ def write_runs(
     title, summary
         Of the file.
     options
-        See `lsm.write_table`, which also says what it refuses.
+        See `lsm.write_table`, also for what it refuses.
     """
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     lsm.write_table(path, columns, variables, attributes_of(params, dt, title, summary), **options)

@@ -22,7 +22,7 @@ def scene_of(
     periodic: tuple[bool, ...] | None = None,
     **more: Any,
 ) -> lsm.Scene:
-    """Scene of a few grains, in open space and of discs or spheres of 1 m unless told otherwise.
+    """Scene of a few grains; by default discs or spheres of 1 m in open space.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def scene_of(
     lengths, periodic
         Of the cell, one per axis; lengths [m].
     more
-        What else `Scene` takes; the density is 1000 kg/m3 if it is not given.
+        Further arguments of `Scene`; the density is 1000 kg/m3 by default.
     """
     position = np.asarray(position, float)
     n, dim = position.shape

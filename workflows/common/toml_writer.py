@@ -1,4 +1,4 @@
-"""Merged parameters as TOML text: what is stored with every run, and can be given back as --config."""
+"""Parameters as TOML text, which is stored with every run and can be used as its --config."""
 
 import json
 import re
@@ -12,7 +12,7 @@ BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 def to_toml(params: pydantic.BaseModel) -> str:
     """Every field of `params` as TOML, each under a comment with its description (which ends in the unit).
 
-    None is written as the string "none". Lists of tables come last, as TOML asks for.
+    None is written as the string "none". Lists of tables come last, as TOML requires.
     """
     plain, tables = [], []
     values = params.model_dump(mode="json", round_trip=True)

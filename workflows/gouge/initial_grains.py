@@ -53,7 +53,7 @@ def least_cell(params: Params, across: float, what: str) -> None:
     Raises
     ------
     InputError
-        If length or width is below twice `across`; `what` says in the message which grains are meant.
+        If length or width is below twice `across`; `what` names the grains in the message.
     """
     d = params.diameter
     for option, length in zip(("--length", "--width"), params.layer[1]):
@@ -74,11 +74,11 @@ def loose_grains(
     Parameters
     ----------
     params, rng, count
-        Of the layer; of its random numbers; number of grains.
+        Parameters of the layer; its random numbers; number of grains.
     lengths
         Periodic lengths of the cell [m].
     shapes
-        Shapes before those of the grains; discs and spheres have the first of them.
+        Shapes that come first in the table; discs and spheres use the first of them.
     """
     p = params
     if p.shape == "angular":
@@ -97,7 +97,7 @@ def loose_grains(
 def breakable_grains(
     params: Params, rng: np.random.Generator, count: int, lengths: Sequence[float], shapes: "list[GrainShape]"
 ) -> MobileGrains:
-    """As `loose_grains`, of the pieces of `count` breakable grains (2D), with the bonds between them."""
+    """As `loose_grains`, but pieces of `count` breakable grains (2D), with the bonds between them."""
     p = params
     with in_terms_of(
         f"--pieces {p.pieces}, --corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"
@@ -123,7 +123,7 @@ def breakable_grains(
 
 
 def initial_orientations(rotation: NDArray, glued: int) -> dict[str, Any]:
-    """Orientations of the mobile grains as given, of the `glued` ones none, by the name that `Scene` uses."""
+    """Orientations of the mobile grains as given, zero rotation for the `glued` ones, as an argument of `Scene`."""
     if rotation.ndim == 1:
         return {"angle": np.concatenate([rotation, np.zeros(glued)])}
     return {"orientation": np.concatenate([rotation, np.tile([1.0, 0.0, 0.0, 0.0], (glued, 1))])}

@@ -1,4 +1,4 @@
-"""Metrics of the steady state of a sheared layer, with what is claimed of them."""
+"""Metrics of the steady state of a sheared layer, with the bounds claimed for them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workflows.gouge.parameters import Params
 if TYPE_CHECKING:
     import xarray
 
-BOUNDS = {  # what is claimed of the metrics of a run, as absolute values
+BOUNDS = {  # claimed for the absolute values of these metrics
     "platen_bulk_difference": 0.02,
     "energy_residual": 0.01,
     "normal_stress_error": 0.005,

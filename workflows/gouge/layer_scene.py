@@ -2,44 +2,71 @@
 
 from __future__ import annotations
 
+import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.refusals import in_terms_of
+from workflows.common.small_scenes import scene_of
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, loose_grains
 from workflows.gouge.parameters import MOST_GRAINS, Params
 
 if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
+    from taichi_lsm.shapes import GrainShape
 
-PACKED = {2: 0.80, 3: 0.59}  # filled share of a consolidated layer, to choose the number of grains
+PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, from which the number of grains follows
 BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
+EFFECTS_HELP = "lsm list --effects shows what there is"
 MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
 
 
 def check(params: Params) -> None:
-    """Refuse what can be told to fail without making any grain.
+    """Refuse parameters that are sure to fail, before any grain is made.
 
     Raises
     ------
     InputError
-        For more grains than a process can hold, a cell in which a grain would meet its own image, or wrong effects.
+        For more grains than a process can hold, a cell in which a grain would touch its own image, or effects that
+        are wrong or do not suit the shape and dimension of the grains.
     """
     p = params
     _check_count(p)
     least_cell(p, p.platen_diameter * p.largest_diameter, "grains of the platens")
     least_cell(p, p.largest_diameter, "grains")
-    effects_of(p)
+    _check_effects(p)
+
+
+def _check_effects(p: Params) -> None:
+    """Refuse effects that cannot act together, or not on grains of this shape and dimension."""
+    effects = effects_of(p)
+    with in_terms_of("effects", EFFECTS_HELP):
+        scene_of(
+            2.0 * np.eye(2, p.dim),
+            effects,
+            shapes=[_stand_in(p.shape, p.dim)],
+            bonds=np.array([[0, 1]]) if p.breakable else None,
+        )
+
+
+@functools.cache
+def _stand_in(shape: str, dim: int) -> GrainShape:
+    """A grain with surfaces of the kind that layers of this `shape` have; made in less than a second."""
+    if shape == "sphere":
+        return lsm.disc() if dim == 2 else lsm.sphere()
+    if dim == 2:
+        return lsm.shapes.from_polygon([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], 0.1)
+    return lsm.shapes.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.5), 0.1)
 
 
 def mobile_count(params: Params) -> int:
-    """Number of mobile grains: as given, or so many that the consolidated layer has its thickness."""
+    """Number of mobile grains: as given, or as many as give the consolidated layer its thickness."""
     thickness, lengths = params.layer
     one = lsm.disc() if params.dim == 2 else lsm.sphere()
     filled = PACKED[params.dim] * thickness * float(np.prod(lengths))
@@ -98,7 +125,9 @@ def build(params: Params) -> lsm.Scene:
         speed_limit=LARGEST_SPEED * d / p.inertial_time,
     )
     still = [lsm.Fixed()] * (dim - 2)
-    with in_terms_of(f"--length {lengths[0] / d:g} and the grains in it", "make the layer longer or change the grains"):
+    # All other values are checked above: only the cell can still be too small for the skin and the range of effects.
+    cell = ", ".join(f"{option} {length / d:g}" for option, length in zip(("--length", "--width"), lengths))
+    with in_terms_of(cell, "make the layer larger, or the range of the effects shorter"):
         scene = lsm.Scene(
             dim=dim,
             lengths=(lengths[0], np.inf, *lengths[1:]),
@@ -125,7 +154,7 @@ def build(params: Params) -> lsm.Scene:
 
 
 def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
-    """Refuse runs without end, and a spring of the load point that is too stiff for the step."""
+    """Refuse runs of too many steps, and a spring of the load point that is too stiff for the step."""
     dt = scene.chosen_dt()
     steps = p.strain * p.inertial_time / (p.inertial_number * dt)
     if not steps <= MOST_STEPS:
@@ -142,14 +171,14 @@ def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
 
 
 def effects_of(params: Params) -> list[Effect]:
-    """Effects of the contacts: elastic, damped, frictional; a given effect takes the place of one of its kind."""
+    """Effects of the contacts: elastic, damped, frictional; a given effect replaces the default of its kind."""
     p = params
     usual = [
         lsm.LinearElastic(p.stiffness),
         lsm.ViscousDamping(restitution=p.restitution),
         lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
     ]
-    with in_terms_of("effects", "lsm list --effects shows what there is"):
+    with in_terms_of("effects", EFFECTS_HELP):
         given = lsm.effects.make_effects(p.effects)
     taken = {effect.role or effect.phase for effect in given}
     usual += [_bond(p)] if p.breakable else []

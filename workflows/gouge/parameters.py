@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from workflows.common.parameters import Params as BaseParams
 
-LEAST_ROWS = 12  # of the steady state: fewer do not show their own correlation
+LEAST_ROWS = 12  # of the steady state: the correlation of fewer cannot be estimated
 STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
 
@@ -35,11 +35,13 @@ class Params(BaseParams):
     )
     width: float = Field(default=7.0, ge=4, le=1e4, description="periodic width, 3D only [mean diameters]")
     grains: int | None = Field(
-        default=None, ge=20, le=MOST_GRAINS, description="mobile grains; none: from thickness and length [1]"
+        default=None, ge=20, le=MOST_GRAINS, description="number of mobile grains; none: from thickness and length [1]"
     )
     friction: float = Field(default=0.5, ge=0, le=100, description="Coulomb coefficient between grains [1]")
     tangential_ratio: float = Field(default=0.5, ge=1e-6, le=1, description="tangential over normal stiffness [1]")
-    restitution: float = Field(default=0.5, ge=0.01, le=1, description="restitution of a normal impact [1]")
+    restitution: float = Field(
+        default=0.5, ge=0.01, le=1, description="coefficient of restitution of a normal impact [1]"
+    )
     stiffness_number: float = Field(
         default=1000.0, ge=100, le=1e9, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]"
     )
@@ -48,9 +50,11 @@ class Params(BaseParams):
         default=1.0,
         ge=0.3,
         le=3.0,
-        description="grains of the platens over mobile ones: the roughness of the walls [1]",
+        description="diameter of the platens' grains over that of the mobile ones: the roughness of the walls [1]",
     )
-    corner_radius: float = Field(default=0.05, ge=0.01, le=0.25, description="of angular grains [equivalent diameters]")
+    corner_radius: float = Field(
+        default=0.05, ge=0.01, le=0.25, description="corner radius of angular grains [equivalent diameters]"
+    )
     breakable: bool = Field(default=False, description="angular grains are bonded pieces that can break, 2D only")
     pieces: int = Field(default=7, ge=2, le=40, description="pieces of a breakable grain [1]")
     bond_strength: float = Field(
@@ -60,7 +64,7 @@ class Params(BaseParams):
         default=None,
         ge=1e-9,
         le=1e15,
-        description="spring that pulls the top platen; none: its velocity is imposed [N m-1]",
+        description="stiffness of the spring that pulls the top platen; none: its velocity is imposed [N m-1]",
     )
     strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
     steady_from: float = Field(
@@ -69,18 +73,18 @@ class Params(BaseParams):
     rows_per_strain: int = Field(
         default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
     )
-    profile: bool = Field(default=False, description="print where the time of the run went")
+    profile: bool = Field(default=False, description="print the run time of each stage of a step")
     effects: list[dict] = Field(
         default=[],
-        description="effects beside elasticity, damping and friction, or in place of those of the same kind: tables "
-        "with name = NAME and its parameters in SI units, see lsm list --effects",
+        description="effects that are added to elasticity, damping and friction, or replace one of the same kind: "
+        "tables with name = NAME and its parameters in SI units, see lsm list --effects",
     )
     target_error: float | None = Field(
         default=None,
         ge=1e-6,
         le=1,
-        description="half-width of the 95 % interval that the mean friction shall have; sets strain, seeds and step; "
-        "none: as given [1]",
+        description="wanted half-width of the 95 % interval of the mean friction; sets strain, seeds and step; "
+        "none: they are as given [1]",
     )
     step_safety: float = Field(default=0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
 
@@ -99,7 +103,7 @@ class Params(BaseParams):
         return self
 
     def _problems_of_grains(self) -> Iterator[str]:
-        """What is wrong with sizes, shapes, stiffness and number of the grains."""
+        """Contradictions among sizes, shapes, stiffness and number of the grains."""
         if self.smallest_diameter > self.largest_diameter:
             low, high = self.smallest_diameter, self.largest_diameter
             yield f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left"
@@ -115,14 +119,14 @@ class Params(BaseParams):
             )
 
     def _problems_of_shear(self) -> Iterator[str]:
-        """What is wrong with the strain to reach and the target error."""
+        """Contradictions among the strain to reach, the steady state and the target error."""
         if self.strain < self.steady_from + self.least_steady:
             yield (
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
                 f"the steady state needs {LEAST_ROWS} rows"
             )
         if self.target_error and (self.breakable or self.load_stiffness or self.effects):
-            yield "--target-error knows layers of whole grains at an imposed velocity, with the usual effects"
+            yield "--target-error is for layers of whole grains at an imposed velocity, with the default effects"
 
     @property
     def least_steady(self) -> float:
@@ -144,7 +148,7 @@ class Params(BaseParams):
 
     @property
     def inertial_time(self) -> float:
-        """Inertial time d sqrt(rho/P) [s]: how long the stress takes to push a grain by its own size."""
+        """Inertial time d sqrt(rho/P) [s]: in which the stress moves a grain by about its diameter."""
         return self.diameter * float(np.sqrt(self.density / self.normal_stress))
 
     @property

@@ -59,7 +59,7 @@ def shear(
         Grain steps per second [s-1] after the first row, in which kernels are compiled; nan if there is one row.
     """
     velocity = params.inertial_number / params.inertial_time * layer.thickness
-    platens: Any = sim.platens  # of drives that differ in their attributes
+    platens: Any = sim.platens  # the attributes depend on the class of the drive
     platens.set("top", 0, shear_drive(params, velocity, platens.drives[1][1].inertia))
     layer.begin_shear()
     steps_per_row = params.inertial_time / (params.inertial_number * params.rows_per_strain * sim.dt)

@@ -1,4 +1,4 @@
-"""How much strain and how many seeds a wanted error of the friction needs, from measured variances."""
+"""Strain and number of seeds that a wanted error of the friction needs, from measured variances."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from workflows.gouge.parameters import Params
 
 TABLE = "friction_errors.json"
 NORMAL = 1.96  # standard errors in the half-width of a 95 % interval
-CAUTION = 1.25  # times wider than measured: few runs lie behind the table
+CAUTION = 1.25  # factor on the measured width, as the table rests on few runs
 STRAINS = np.round(np.geomspace(0.3, 40.0, 40), 2)  # of steady shear, to choose from
 MOST_SEEDS = 32
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run.
+    """Runs that are planned for a target error.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Plan:
     expected_error
         Half-width of the 95 % interval of the mean friction [1].
     expected_seconds
-        Time on one core for each of two runs at a time [s].
+        Wall-clock time with two runs at a time, one core each [s].
     """
 
     step_safety: float
@@ -49,7 +49,7 @@ def table_of(shape: str, dim: int) -> dict[str, Any]:
         if row["shape"] == shape and row["dim"] == dim:
             return row
     known = ", ".join(f"--shape {row['shape']} --dim {row['dim']}" for row in rows)
-    raise lsm.InputError(f"--target-error: the errors of --shape {shape} --dim {dim} are not measured, only of {known}")
+    raise lsm.InputError(f"--target-error: errors were not measured for --shape {shape} --dim {dim}, only for {known}")
 
 
 def area_of(params: Params) -> float:
@@ -61,7 +61,7 @@ def area_of(params: Params) -> float:
 def half_width(row: dict[str, Any], params: Params, steady: float, seeds: int, step: str) -> float:
     """Half-width of the 95 % interval of the mean over `seeds` runs of the steady strain `steady`, for this layer.
 
-    The variance falls with the area of the layer: far parts of it fluctuate independently. step: a key of the table.
+    The variance falls with the area of the layer, as distant regions fluctuate independently. step: a key of the table.
     """
     variance = (row["between_seeds"] + row["times_strain"] / steady) * row["area"] / area_of(params)
     return float(CAUTION * NORMAL * np.sqrt(variance / seeds) + row["bias_of_step"][step])
@@ -92,8 +92,8 @@ def plan(params: Params, target_error: float) -> Plan:
     if not plans:
         least = min(half_width(row, params, STRAINS[-1], MOST_SEEDS, step) for step in row["bias_of_step"])
         raise lsm.InputError(
-            f"--target-error {target_error:g}: must be >= {least:.2g}, what {MOST_SEEDS} runs to a strain of "
-            f"{STRAINS[-1]:g} give; a larger layer has smaller errors"
+            f"--target-error {target_error:g}: must be >= {least:.2g}, the error of {MOST_SEEDS} runs to a strain of "
+            f"{STRAINS[-1]:g}; a larger layer has smaller errors"
         )
     return min(plans, key=lambda p: p.expected_seconds)
 
@@ -109,10 +109,10 @@ def expected(params: Params) -> tuple[float, float]:
 def reached(row: dict[str, Any], params: Params, means: Sequence[float], errors: Sequence[float], step: str) -> float:
     """Half-width of the 95 % interval that runs with these means and standard errors have reached.
 
-    Few seeds tell little about their own scatter: the table's variance between seeds is added to that within runs, and
-    the scatter that is seen is taken where it is larger.
+    The scatter of few seeds is poorly known: the variance between seeds of the table is added to that within runs, and
+    the observed scatter is used where it is larger.
     """
     count = len(means)
     within = float(np.mean(np.square(errors))) + row["between_seeds"] * row["area"] / area_of(params)
-    seen = float(np.var(means, ddof=1)) if count > 2 else 0.0
-    return float(CAUTION * NORMAL * np.sqrt(max(within, seen) / count) + row["bias_of_step"][step])
+    observed = float(np.var(means, ddof=1)) if count > 2 else 0.0
+    return float(CAUTION * NORMAL * np.sqrt(max(within, observed) / count) + row["bias_of_step"][step])

@@ -1,4 +1,4 @@
-"""Runs of a sheared layer until the mean friction is known as well as was asked for."""
+"""Runs of a sheared layer until the mean friction is known to a wanted error."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def run_to_target(
     workflow: str,
     analyse: Callable[[xarray.Dataset, Params], dict[str, Metric]],
 ) -> xarray.Dataset:
-    """Plan and make the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
+    """Plan and carry out the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
 
     workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them.
     """

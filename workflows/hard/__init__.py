@@ -1,7 +1,7 @@
 """Hard cases: situations that break codes like this one, each with a measure and the bound that it must respect.
 
 A module of this package holds the cases of one kind, as functions under the decorator `hard`; the cases of a module
-run in one process. The name of the function is that of the case and its docstring says what makes it hard.
+run in one process. The name of the function is the name of the case, and its docstring the reason why it is hard.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ class Case:
     Attributes
     ----------
     name, title, why
-        Of the case; what it is; what makes it hard.
+        Name and title of the case; the reason why it is hard.
     measure, unit
-        What the value is, in words, and its unit, "1" for a pure number.
+        The value in words, and its unit, "1" for a pure number.
     bound, f32_bound
         Greatest value allowed, in double and in single precision; None for the same.
     excepted
-        Why the case is not claimed in single precision, "" if it is.
+        Reason why the case is not claimed in single precision, "" if it is.
     """
 
     name: str
@@ -62,7 +62,7 @@ def hard(
 
 
 def modules() -> list[str]:
-    """Names of the modules of this package: a new file is found."""
+    """Names of the modules of this package; a new file is found."""
     return sorted(path.stem for path in HERE.glob("[!_]*.py"))
 
 
@@ -94,7 +94,7 @@ class Bench:
         return short if self.short else full
 
     def simulate(self, scene: lsm.Scene) -> lsm.Simulation:
-        """A simulation at the start of `scene`; the last one of an equal KernelSpec must no longer be used."""
+        """A simulation at the start of `scene`; an earlier one of an equal KernelSpec must no longer be used."""
         scene.guards = replace(scene.guards, **self.off)
         kernel_spec = None if scene.platens else lsm.KernelSpec.of(scene)
         if kernel_spec in self._made:
@@ -109,7 +109,7 @@ class Bench:
 def worst_balance(sim: lsm.Simulation, steps: int, samples: int = 20) -> float:
     """Greatest abs(balance/balance at the start - 1) of the energy over a run in `samples` pieces [1].
 
-    For scenes that start with all their energy: the balance must not be 0.
+    The balance at the start must not be 0.
     """
     start, worst = lsm.energies(sim).balance, 0.0
     for _ in range(samples):
@@ -119,13 +119,13 @@ def worst_balance(sim: lsm.Simulation, steps: int, samples: int = 20) -> float:
 
 
 def error_of_impact(bench: Bench, scene: lsm.Scene, most: int = 20000) -> float:
-    """abs(energy after the grains have met and parted over that before - 1)."""
+    """abs(energy after the impact over that before it - 1) [1]."""
     sim = bench.simulate(scene)
     start, before = lsm.energies(sim).balance, sim.state.velocity.to_numpy()
     for _ in range(most // 50):
         sim.run(50)
-        met = (sim.state.velocity.to_numpy() != before).any()
-        if met and sim.measure.sums()["contact_count"] == 0:
+        begun = (sim.state.velocity.to_numpy() != before).any()
+        if begun and sim.measure.sums()["contact_count"] == 0:
             return abs(lsm.energies(sim).balance / start - 1.0)
     raise lsm.SimulationError(f"no impact began and ended within {most} steps")
 

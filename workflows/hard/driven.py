@@ -18,7 +18,7 @@ STIFFNESS = 1e6  # [N m-1]
 MASS = 1000.0 * np.pi / 4  # [kg] of a disc of 1 m
 STRESS = 1000.0  # [Pa], a thousandth of the stiffness over the thickness
 GLUED = 30  # discs of a press, which bears on one grain
-PRESSES = {"stiff": 100.0, "soft": 0.01, "flying": 1.0}  # stiffness that the servo counts with, over the nominal one
+PRESSES = {"stiff": 100.0, "soft": 0.01, "flying": 1.0}  # stiffness assumed by the servo, over the nominal one
 LIFT = 0.3  # [m], of the flying press
 SPEED_LIMIT = 0.1 * math.sqrt(STRESS / 1000.0)  # [m s-1]
 LINKS = 49
@@ -30,7 +30,7 @@ INERTIA = 2e4  # [kg], of the driven platen of the layer
 
 
 def effects_of(friction: float = 0.5, stiffness: float = STIFFNESS) -> list[Any]:
-    """The effects of a grain in gouge."""
+    """Elastic, damped and frictional contacts."""
     return [
         lsm.LinearElastic(stiffness),
         lsm.ViscousDamping(restitution=0.3),
@@ -257,7 +257,7 @@ def settled(bench: Bench) -> tuple[lsm.Simulation, Path]:
 
 
 def at_rest(bench: Bench) -> lsm.Simulation:
-    """The layer at rest under its load, whatever was done with it before."""
+    """The layer at rest under its load, restored from the file."""
     sim, file = settled(bench)
     lsm.restore_checkpoint(sim, file)
     return sim
@@ -270,7 +270,7 @@ def height(sim: lsm.Simulation) -> float:
 
 @functools.lru_cache(maxsize=1)
 def crept(bench: Bench) -> Any:
-    """Changes of the layer that is left alone under its load, over the last half of the time.
+    """Changes of the undisturbed layer under its load, over the second half of the run.
 
     Change of the thickness [m], change of the shear force over the load, error of the orientations.
     """
@@ -279,11 +279,11 @@ def crept(bench: Bench) -> Any:
     before, tension = height(sim), float(sim.platens.force.to_numpy()[1, 0])
     sim.run(half)
     load = STRESS * sim.platens.area
-    turn = sim.state.orientation.to_numpy()
+    orientation = sim.state.orientation.to_numpy()
     return (
         abs(height(sim) - before),
         abs(float(sim.platens.force.to_numpy()[1, 0]) - tension) / load,
-        float(np.abs(np.linalg.norm(turn, axis=1) - 1.0).max()),
+        float(np.abs(np.linalg.norm(orientation, axis=1) - 1.0).max()),
     )
 
 
@@ -304,12 +304,12 @@ def creep_of_the_friction(bench: Bench) -> float:
 
 @hard("Orientations over millions of steps", "error of the length of the unit complex numbers", 1e-14)
 def orientations_stay_unit(bench: Bench) -> float:
-    """Each step multiplies the orientation of a grain by a small turn; in many codes its length drifts by rounding."""
+    """Each step multiplies the orientation of a grain by a small rotation; in many codes its length drifts."""
     return crept(bench)[2]
 
 
 def strained(bench: Bench, cycles: int) -> Any:
-    """The layer after so many cycles in which its bottom goes to and fro by STROKE."""
+    """The layer after `cycles` of its bottom to and fro by STROKE, and its heights (cycles,) [m]."""
     sim, quarter = at_rest(bench), 250
     speed = STROKE / (quarter * sim.dt)
     heights = []
@@ -333,7 +333,7 @@ def tiny_cycles(bench: Bench) -> float:
 
 
 def error_over_work(sim: lsm.Simulation, steps: int) -> float:
-    """Error of the energy balance over the energy dissipated in a run of so many steps."""
+    """Error of the energy balance over the energy dissipated in a run of `steps` steps."""
     begin = lsm.energies(sim)
     sim.run(steps)
     now = lsm.energies(sim)

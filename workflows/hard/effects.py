@@ -91,14 +91,14 @@ def escape_speed() -> float:
 
 def while_touching(sim: lsm.Simulation, watch: Callable[[], None] = lambda: None, most: int = 20000) -> Any:
     """Run until a contact has begun and ended; `watch` is called after every step."""
-    met = False
+    begun = False
     for _ in range(most):
         sim.run(1)
         watch()
         touching = sim.measure.sums()["contact_count"] > 0
-        if met and not touching:
+        if begun and not touching:
             return
-        met |= touching
+        begun |= touching
     raise lsm.SimulationError(f"no contact began and ended in {most} steps")
 
 
@@ -109,8 +109,8 @@ def shaken(bench: Bench, sim: lsm.Simulation, speed: float, full: int, short: in
     """
     rng, sliding = np.random.default_rng(3), []
     begin = lsm.energies(sim).balance
-    for turn in range(bench.steps(full, short)):
-        sim.walls.set_velocity("floor", (speed if turn % 2 else -speed, 0.0))
+    for reversal in range(bench.steps(full, short)):
+        sim.walls.set_velocity("floor", (speed if reversal % 2 else -speed, 0.0))
         sim.run(int(rng.integers(5, 80)))
         sliding.append(sim.measure.sums()["sliding_count"] > 0)
     now = lsm.energies(sim)
@@ -178,11 +178,12 @@ def friction_of_ten(bench: Bench) -> float:
     What the spring holds must be cut back with the normal force as the grains part, or it becomes energy from nowhere.
     """
     worst = 0.0
-    for offset, turn in zip(np.linspace(0.1, 0.9, n := bench.steps(40, 4)), np.linspace(-4.0, 4.0, n), strict=True):
-        sim = bench.simulate(impact(1.0, offset, (turn, turn), friction=10.0, restitution=0.9))
-        make_contact = [lsm.energies(sim)]
-        while_touching(sim, lambda sim=sim, make_contact=make_contact: make_contact.append(lsm.energies(sim)))
-        stored, balance = np.array([(e.stored, e.balance) for e in make_contact]).T / make_contact[0].stored
+    count = bench.steps(40, 4)
+    for offset, omega in zip(np.linspace(0.1, 0.9, count), np.linspace(-4.0, 4.0, count), strict=True):
+        sim = bench.simulate(impact(1.0, offset, (omega, omega), friction=10.0, restitution=0.9))
+        energies = [lsm.energies(sim)]
+        while_touching(sim, lambda sim=sim, energies=energies: energies.append(lsm.energies(sim)))
+        stored, balance = np.array([(e.stored, e.balance) for e in energies]).T / energies[0].stored
         worst = max(worst, float(np.abs(balance - 1.0).max()), float(np.diff(stored).max()))
     return worst
 
@@ -247,7 +248,7 @@ def cohesive_pair(bench: Bench) -> float:
     """Two cohesive grains move out almost to where attraction ends, or just beyond.
 
     Codes that let attraction act on touching grains only, or drop pairs at the reach, create or lose the energy of the
-    well; who should escape must.
+    well; a grain with more than the escape energy must leave.
     """
     worst = 0.0
     for share in (0.5, 0.999, 1.001):

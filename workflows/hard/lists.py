@@ -31,13 +31,18 @@ def gas(offset: ArrayLike = 0.0, skin: float | None = 0.1, speed: float = 1.0) -
 
 
 def flown(bench: Bench, scene: lsm.Scene, steps: int) -> Any:
-    """Positions (n, dim) [m] after so many steps, as displacements from those of the start."""
+    """Positions (n, dim) [m] after `steps` steps less those of the start."""
     sim = bench.simulate(scene)
     sim.run(steps)
     return sim.state.position.to_numpy() - scene.position
 
 
-@hard("Coordinates of 1e5 diameters", "difference of the ways from those near 0, in diameters", 1e-7, f32_bound=1e-5)
+@hard(
+    "Coordinates of 1e5 diameters",
+    "difference from the displacements near 0, in diameters",
+    1e-7,
+    f32_bound=1e-5,
+)
 def far_from_the_origin(bench: Bench) -> float:
     """After long shear grains have gone many times around the cell.
 
@@ -81,7 +86,7 @@ def named_at_start(bench: Bench, scene: lsm.Scene) -> float:
 
 
 def angular_pair(apart: float) -> lsm.Scene:
-    """Two equal angular grains, turned alike, `apart` [m]."""
+    """Two equal angular grains of equal orientation, `apart` [m]."""
     shapes = {"shapes": lsm.shapes.random_angular_shapes(1, 1), "shape_index": [0, 0], "angle": np.zeros(2)}
     return scene_of([(0.0, 0.0), (apart, 0.0)], [lsm.LinearElastic(STIFFNESS)], **shapes)
 

@@ -28,7 +28,7 @@ def box(length: float, width: float, corner_radius: float = 0.05) -> Any:
 
 
 def rotated_outline(shape: Any, angle: float) -> NDArray:
-    """Outline (k, 2) of the shape turned by `angle` [rad]."""
+    """Outline (k, 2) of the shape, rotated by `angle` [rad]."""
     parts = np.concatenate([part.outline(4000) for part in shape.parts])
     c, s = np.cos(angle), np.sin(angle)
     return parts @ np.array([[c, s], [-s, c]])
@@ -242,9 +242,9 @@ def sizes_of_grains(bench: Bench) -> float:
 
 
 def stars() -> lsm.Scene:
-    """16 grains of two bars crossed at a right angle, as close as their bounding circles let them, at random motion."""
+    """16 grains of two bars crossed at a right angle, as close as their bounding circles allow, in random motion."""
     bar = lsm.shapes.from_polygon([(-1.5, -0.5), (1.5, -0.5), (1.5, 0.5), (-1.5, 0.5)], 0.2)
-    star = lsm.shapes.union([lsm.shapes.place_part(bar, (0.0, 0.0), turn) for turn in (0.0, 0.5 * np.pi)])
+    star = lsm.shapes.union([lsm.shapes.place_part(bar, (0.0, 0.0), angle) for angle in (0.0, 0.5 * np.pi)])
     rng, pitch = np.random.default_rng(6), 2.02 * star.bounding_radius
     place = pitch * np.stack(np.divmod(np.arange(16), 4), axis=1)
     motion: dict[str, Any] = {

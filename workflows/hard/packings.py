@@ -18,7 +18,7 @@ SMALL = 200  # small spheres around a large one
 
 
 def effects_of(stiffness: float = STIFFNESS, restitution: float = 1.0, friction: float = 0.0) -> list[Any]:
-    """Elastic, damped, frictional."""
+    """Elastic, damped and frictional contacts."""
     return [
         lsm.LinearElastic(stiffness),
         lsm.ViscousDamping(restitution=restitution),
@@ -27,7 +27,7 @@ def effects_of(stiffness: float = STIFFNESS, restitution: float = 1.0, friction:
 
 
 def growth(sim: lsm.Simulation, steps: int, samples: int = 20) -> float:
-    """Greatest growth of stored and dissipated energy over the energy at the start; infinite if a number is lost."""
+    """Greatest growth of stored and dissipated energy over the energy at the start; infinite if it is not finite."""
     start, worst = lsm.energies(sim).balance, 0.0
     for _ in range(samples):
         sim.run(max(1, steps // samples))
@@ -100,7 +100,7 @@ def relaxed_start(bench: Bench) -> float:
 
 
 def jammed(overlap: float) -> lsm.Scene:
-    """A periodic triangular lattice of discs that overlap by `overlap` [m], moving as fast as that lets them."""
+    """A periodic triangular lattice of discs that overlap by `overlap` [m], at velocities in proportion to it."""
     rng = np.random.default_rng(3)
     row, column = np.divmod(np.arange(ROWS**2), ROWS)
     near = 1.0 - overlap
@@ -169,7 +169,7 @@ def any_angular(seed: int) -> lsm.Scene:
 
 
 def any_grains(rng: np.random.Generator, shapes: list[Any], rows: Any, scale: Any) -> lsm.Scene:
-    """Grains of these shapes and sizes on a lattice of so many rows, with parameters drawn from `rng`."""
+    """Grains of these shapes and sizes on a lattice of `rows` rows, with parameters drawn from `rng`."""
     count = rows**2
     stiffness = 10.0 ** rng.uniform(5.0, 8.0)
     shape = rng.integers(0, len(shapes), count)

@@ -27,32 +27,32 @@ def box(length: float, width: float, height: float, corner_radius: float = 0.05)
     return lsm.shapes.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), distances, corner_radius * size)
 
 
-def turn(axis: NDArray, angle: float) -> NDArray:
-    """Unit quaternion (w, x, y, z) of the turn by `angle` [rad] about an axis."""
+def rotation(axis: NDArray, angle: float) -> NDArray:
+    """Unit quaternion (w, x, y, z) of the rotation by `angle` [rad] about an axis."""
     axis = np.asarray(axis, float) / np.linalg.norm(axis)
     return np.concatenate([[np.cos(0.5 * angle)], np.sin(0.5 * angle) * axis])
 
 
 def after(second: NDArray, first: NDArray) -> NDArray:
-    """Quaternion of the turn `first` followed by `second`."""
+    """Quaternion of the rotation `first` followed by `second`."""
     w, v, u, x = second[0], second[1:], first[0], first[1:]
     return np.concatenate([[w * u - v @ x], w * x + u * v + np.cross(v, x)])
 
 
 def rotated(q: NDArray, a: NDArray) -> NDArray:
-    """The vector a, turned by the quaternion q."""
+    """The vector a, rotated by the quaternion q."""
     across = 2.0 * np.cross(q[1:], a)
     return a + q[0] * across + np.cross(q[1:], across)
 
 
-AS_IT_IS = turn(X, 0.0)
-EDGE_FIRST = turn(Z, 0.25 * np.pi)  # of a cube: an edge along z points along x
-CORNER_FIRST = after(turn(Y, np.arctan(np.sqrt(0.5))), EDGE_FIRST)
+AS_IT_IS = rotation(X, 0.0)
+EDGE_FIRST = rotation(Z, 0.25 * np.pi)  # of a cube: an edge along z points along x
+CORNER_FIRST = after(rotation(Y, np.arctan(np.sqrt(0.5))), EDGE_FIRST)
 
 
 def impact(
     shapes: Sequence[Any],
-    turns: Any,
+    orientations: Any,
     velocity: float = 1.0,
     offset: Sequence[float] | NDArray = (0.0, 0.0),
     angular_velocity: ArrayLike | None = None,
@@ -60,7 +60,7 @@ def impact(
 ) -> lsm.Scene:
     """Two grains that fly at each other along x with a velocity [m s-1] of approach.
 
-    They have the shapes `kinds`, and the second is `offset` [m] aside.
+    They have the shapes `kinds`, and the second is displaced by `offset` [m] in y and z.
     """
     ahead = max(s.bounding_radius for s in shapes) * 2.0 + 0.01
     flight = 0.5 * velocity * np.array([X, -X])
@@ -69,7 +69,7 @@ def impact(
         EFFECTS,
         shapes=list(shapes),
         shape_index=kinds,
-        orientation=np.array(turns),
+        orientation=np.array(orientations),
         velocity=flight,
         angular_velocity=np.zeros((2, 3)) if angular_velocity is None else np.array(angular_velocity, float),
     )
@@ -83,16 +83,16 @@ def worst_impact(bench: Bench, scenes: Iterable[lsm.Scene]) -> float:
 @hard("Spinning grains that brush edges", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def brushing_edges(bench: Bench) -> float:
     """Fast rotation drags the contact over edges and seams at grazing angles within one impact."""
-    # first of its file: a compiled simulation has room for the shapes that it was made with
+    # First in this file, as the tables of a compiled simulation are as large as those of its first scene.
     shapes = lsm.shapes.random_angular_polyhedra(4, 1)
     rng = np.random.default_rng(2)
 
     def scenes():
         for i in range(bench.steps(20, 3)):
-            turns = rng.normal(size=(2, 4))
-            turns /= np.linalg.norm(turns, axis=1)[:, None]
-            angular_velocity, aside = rng.normal(0.0, 10.0, (2, 3)), rng.uniform(-0.3, 0.3, 2)
-            yield impact(shapes, turns, offset=aside, angular_velocity=angular_velocity, kinds=(i % 4, (i + 1) % 4))
+            orientations = rng.normal(size=(2, 4))
+            orientations /= np.linalg.norm(orientations, axis=1)[:, None]
+            omega, aside = rng.normal(0.0, 10.0, (2, 3)), rng.uniform(-0.3, 0.3, 2)
+            yield impact(shapes, orientations, offset=aside, angular_velocity=omega, kinds=(i % 4, (i + 1) % 4))
 
     return worst_impact(bench, scenes())
 
@@ -105,7 +105,7 @@ def parallel_edges(bench: Bench) -> float:
     """
     cube = box(1.0, 1.0, 1.0)
     tilts = (0.0, 1e-9, 1e-3)
-    return worst_impact(bench, (impact((cube, cube), (EDGE_FIRST, after(turn(X, a), EDGE_FIRST))) for a in tilts))
+    return worst_impact(bench, (impact((cube, cube), (EDGE_FIRST, after(rotation(X, a), EDGE_FIRST))) for a in tilts))
 
 
 @hard("Edge across edge", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
@@ -113,7 +113,7 @@ def crossed_edges(bench: Bench) -> float:
     """The contact lies on no corner and no face of either grain: codes that test corners against faces miss it."""
     cube = box(1.0, 1.0, 1.0)
     return worst_impact(
-        bench, (impact((cube, cube), (EDGE_FIRST, after(turn(X, a), EDGE_FIRST))) for a in (0.5 * np.pi, 0.3))
+        bench, (impact((cube, cube), (EDGE_FIRST, after(rotation(X, a), EDGE_FIRST))) for a in (0.5 * np.pi, 0.3))
     )
 
 
@@ -124,14 +124,14 @@ def face_on_face(bench: Bench) -> float:
     Tilted by 1e-9, the contact point runs across the face in a few steps.
     """
     cube = box(1.0, 1.0, 1.0)
-    return worst_impact(bench, (impact((cube, cube), (AS_IT_IS, turn(Y, a))) for a in (0.0, 1e-9, 1e-3)))
+    return worst_impact(bench, (impact((cube, cube), (AS_IT_IS, rotation(Y, a))) for a in (0.0, 1e-9, 1e-3)))
 
 
 @hard("Corner on corner of solids", "relative error of the energy in one impact", 1e-4, f32_bound=FLAT)
 def corners(bench: Bench) -> float:
     """Where three edges meet, seven features lie within a corner radius of each other."""
     cube = box(1.0, 1.0, 1.0)
-    mirrored = after(turn(Z, np.pi), CORNER_FIRST)
+    mirrored = after(rotation(Z, np.pi), CORNER_FIRST)
     return worst_impact(
         bench, (impact((cube, cube), (CORNER_FIRST, mirrored), offset=(y, 0.0)) for y in (0.0, 1e-9, 0.02))
     )
@@ -144,7 +144,7 @@ def needle(bench: Bench) -> float:
     They start to rotate at once, about axes with moments of inertia a hundred times apart.
     """
     rod = box(10.0, 1.0, 1.0)
-    upright = turn(Z, 0.5 * np.pi)
+    upright = rotation(Z, 0.5 * np.pi)
     half = 0.5 * 10.0 * (np.pi / 60.0) ** (1.0 / 3.0)
     return worst_impact(bench, (impact((rod, rod), (upright, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.5, 0.95)))
 
@@ -153,7 +153,7 @@ def needle(bench: Bench) -> float:
 def plate(bench: Bench) -> float:
     """A plate hits another with its rim, flat on and near the rim: thin edges against wide faces."""
     flake = box(10.0, 10.0, 1.0)
-    facing = turn(Y, 0.5 * np.pi)
+    facing = rotation(Y, 0.5 * np.pi)
     half = 0.5 * 10.0 * (np.pi / 600.0) ** (1.0 / 3.0)
     return worst_impact(bench, (impact((flake, flake), (facing, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.0, 0.9)))
 

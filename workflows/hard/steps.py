@@ -1,4 +1,4 @@
-"""Hard cases of the time step: steps that are too long, impacts too fast for them, and the guards that find out."""
+"""Hard cases of the time step: steps that are too long, impacts too fast for them, and the guards that detect them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STIFFNESS = 1e5  # [N m-1]
 MASS = 250.0 * np.pi  # of a disc of 1 m [kg]
 CRITICAL = np.sqrt(2.0 * MASS / STIFFNESS)  # 2/omega of two free discs in contact, omega^2 = 2 k/m [s]
 HELD = 0.01  # depth of two discs held together by cohesion [m]
-RANGE = 0.5  # of the cohesion [m]: so wide that it hardly changes the stiffness of the contact
+RANGE = 0.5  # of the cohesion [m], wide enough to hardly change the stiffness of the contact
 AMPLITUDE = 1e-3  # of the held discs at the start [m]
 OSCILLATION_STEPS = 400  # steps over which an oscillation must grow to be called unstable
 

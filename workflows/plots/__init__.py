@@ -1,1 +1,1 @@
-"""Every picture that a workflow draws."""
+"""Figures of the workflows."""

@@ -59,12 +59,12 @@ def plot_energy(path: Path, rows: Rows, series: dict[str, Any], published: float
 
     for scheme in COLOURS:
         for name, style in (("drift", "o-"), ("shadow_drift", "s:")):
-            mine = [r for r in rows if r["scheme"] == scheme and r["purpose"] in ("order", "plateau")]
-            mine = mine or [r for r in rows if r["scheme"] == scheme and r["purpose"] == "drift"]
-            levels = sorted({r["steps_per_contact"] for r in mine})
+            own = [r for r in rows if r["scheme"] == scheme and r["purpose"] in ("order", "plateau")]
+            own = own or [r for r in rows if r["scheme"] == scheme and r["purpose"] == "drift"]
+            levels = sorted({r["steps_per_contact"] for r in own})
             if not levels or (name == "shadow_drift" and scheme not in WITH_SHADOW):
                 continue
-            mean = [np.sqrt(np.mean([r[name] ** 2 for r in mine if r["steps_per_contact"] == n])) for n in levels]
+            mean = [np.sqrt(np.mean([r[name] ** 2 for r in own if r["steps_per_contact"] == n])) for n in levels]
             label = NAMES[scheme] + (", shadow energy" if name == "shadow_drift" else "")
             against.loglog(levels, mean, style, color=COLOURS[scheme], label=label, ms=4)
     against.set(xlabel="steps per contact [1]", ylabel="drift, rms over seeds [1]", title="Drift against the step")

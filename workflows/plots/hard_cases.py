@@ -1,4 +1,4 @@
-"""The picture of the hard cases: how much of its bound each of them uses, in both precisions."""
+"""The picture of the hard cases: the share of its bound that each of them uses, in both precisions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from workflows.common.run_table import Rows
 
 COLOURS = {"f64": "#0072b2", "f32": "#e69f00"}
-LEAST = 1e-12  # share of a bound that is drawn; what is below lies at the border
+LEAST = 1e-12  # least share of a bound on the axis; smaller ones are drawn at the border
 
 
 def plot_cases(path: Path, rows: Rows) -> None:

@@ -45,7 +45,7 @@ def read_snapshot(path: Path, index: int = -1) -> Snapshot:
     platen_velocity = velocity[glued & (height > height.mean())].mean()
     velocity = velocity / (platen_velocity or 1.0)
     if len(period) == 1:
-        outlines = _turned_outlines(grains, now)
+        outlines = _rotated_outlines(grains, now)
     else:
         off = np.mod(position[:, 2], period[1]) - 0.5 * period[1]
         outlines = _sections(grains, now, off)
@@ -57,9 +57,9 @@ def read_snapshot(path: Path, index: int = -1) -> Snapshot:
 
 
 def _sections(grains, now, off):
-    """Outline (points, 2) [mm] of every 3D grain in a plane that passes `off` [mm] below its centre, None if it misses.
+    """Outline (points, 2) [mm] of every 3D grain in a plane `off` [mm] below its centre, None if they do not meet.
 
-    A grain is the common part of the balls of its faces, so its section is the common part of discs.
+    A grain is the intersection of the balls of its faces, so its section is an intersection of discs.
     """
     import shapely
 
@@ -92,11 +92,11 @@ def _rotated(quaternion, vectors):
     return vectors + w * across + np.cross(axis, across)
 
 
-def _turned_outlines(grains, now):
+def _rotated_outlines(grains, now):
     """Outline of every grain [mm] about its centre, in the world frame."""
     shapes, scale = shape_outlines(grains), 1e3 * now.shape_scale.values
     outlines = [size * shapes[s] for size, s in zip(scale, now.shape_index.values, strict=True)]
-    if "orientation" not in now:  # discs look the same however they turn
+    if "orientation" not in now:  # the outline of a disc does not depend on its orientation
         return outlines
     w, z = now.orientation.values[:, 0], now.orientation.values[:, 3]
     cos, sin = w * w - z * z, 2.0 * w * z
@@ -118,7 +118,7 @@ def _arc(middle, half):
 
 
 def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> Any:
-    """Draw the outlines coloured by velocity; returns what a colour bar needs.
+    """Draw the outlines coloured by velocity; returns the collection for a colour bar.
 
     Glued grains are grey, those with the numbers `marked` edged in red.
     """

@@ -37,7 +37,7 @@ STYLE: dict[Any, Any] = {
 
 @contextmanager
 def _figure(path, size):
-    """A figure that is saved at the end; needs no display and leaves the caller's matplotlib as it is."""
+    """A figure that is saved at the end; needs no display and leaves the settings of matplotlib unchanged."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -67,7 +67,7 @@ def plot_run(out: str | os.PathLike[str]) -> Path:
 
 
 def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError) -> Path:
-    """Draw stopped.png: the layer when the SimulationError stopped it, with the grains at fault; returns its path."""
+    """Draw stopped.png: the layer when it was stopped, the grains of the error marked; returns its path."""
     out = Path(out)
     snapshot = read_snapshot(out / "grains.nc")
     with _figure(out / "stopped.png", (9, 7)) as figure:
@@ -112,7 +112,7 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
 
 
 def _params(dataset):
-    """The parameters of a run of shear-gouge, as its file tells them."""
+    """The parameters of a run of shear-gouge, as stored in its file."""
     return SimpleNamespace(**tomllib.loads(dataset.config_toml))
 
 

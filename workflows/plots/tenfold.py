@@ -1,4 +1,4 @@
-"""The summary picture of accuracy against cost: what a tenth of the default's error costs, for each parameter."""
+"""The summary picture of accuracy against cost: the cost of a tenth of the default error, for each parameter."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ DEFAULTS = {  # curve that a quantity is judged by, and its default; None: the s
 }
 OWN = ("friction", "statistical error of friction")  # quantities whose parameters are each judged by themselves
 QUANTITIES = (*DEFAULTS, *OWN)
-NO_AXIS = "platen_diameter"  # of walls no roughness is the most accurate one
+NO_AXIS = "platen_diameter"  # no roughness of the walls is the most accurate one
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
-FREE = 1.05  # times as long: less cannot be told from no time at all
+FREE = 1.05  # times as long: a smaller factor is lost in the noise
 FARTHEST = 1e5  # times as long, at the border of the picture
 
 
@@ -113,7 +113,7 @@ def plot_summary(path: Path, found: dict[Any, Any]) -> None:
         if not bar.note:
             axes.plot([begin], [i], "o", color=colour, ms=6)
             axes.barh(i, end - begin, left=begin, height=0.55, color=colour, alpha=1.0 if bar.default else 0.45)
-        left = end > 1e3  # where no room is left beyond the bar
+        left = end > 1e3  # where no space is left beyond the bar
         place = 1.15 if bar.note else begin / 1.3 if left else end * 1.25
         style = {"va": "center", "fontsize": 8, "color": "0.4" if bar.note else "black"}
         axes.text(place, i, text_of(bar), ha="right" if left else "left", **style)

@@ -42,7 +42,7 @@ def test_a_broken_plugin_is_named(plugins, text, words):
     assert str(broken) in str(caught.value) and words in str(caught.value)
 
 
-def test_a_plugin_may_not_take_a_name_of_ours(plugins):
+def test_a_plugin_may_not_take_a_name_of_the_package(plugins):
     (plugins / "common.py").write_text((plugins / "toy_run.py").read_text())
     with pytest.raises(DiscoveryError, match="common is taken"):
         find_workflows()

@@ -141,6 +141,13 @@ def test_a_summary_that_is_none_is_called_unreadable(tmp_path, capsys, text):
     assert "summary.json: unreadable" in capsys.readouterr().out
 
 
+def test_a_summary_of_an_earlier_version_is_called_that(tmp_path, capsys):
+    (tmp_path / "summary.json").write_text('{"workflow": "a", "preset": null, "figures": {}}')
+    assert main(["info", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "summary.json: made by an earlier version, which wrote `figures`" in out and "unreadable" not in out
+
+
 def test_a_folder_below_a_file_is_refused(plugins, tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main(["toy-run", "--out", "file/below"]) == 2

@@ -36,7 +36,7 @@ def test_a_failure_is_named_and_the_others_go_on(toy, tmp_path):
     with pytest.raises(ReplicaError) as caught:
         run_replicas(jobs)
     assert set(caught.value.failures) == {"crash", "kill"}
-    assert "KeyError: 'a bug of ours'" in caught.value.failures["crash"]
+    assert "KeyError: 'a programming error'" in caught.value.failures["crash"]
     assert "SIGKILL" in caught.value.failures["kill"]
     assert "run crash failed" in str(caught.value)
     assert (tmp_path / "finish/summary.json").exists()

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field
 
-from workflows.common.parameters import Params, SettingsError, merge, to_toml
+from workflows.common.parameters import ParameterError, Params, merge, to_toml
 
 
 def problems(params_class, *args, **kwargs) -> list[str]:
-    with pytest.raises(SettingsError) as caught:
+    with pytest.raises(ParameterError) as caught:
         merge(params_class, *args, **kwargs)
     return caught.value.problems
 
