@@ -68,6 +68,7 @@ def test_contracts_of_the_imports_are_kept():
     ("file", "line", "contract"),
     [
         ("taichi_lsm/core/errors.py", "from .. import scene", "Imports of the library run downward"),
+        ("taichi_lsm/of_no_layer.py", '"""A module that no layer names."""', "Imports of the library run downward"),
         ("taichi_lsm/packing.py", "import workflows.shear_gouge", "The library knows no experiment"),
         ("taichi_lsm/effects/gravity.py", "from ..core import fields", "Effects see a contact and never the state"),
         ("benchmarks/scenes.py", "from benchmarks import effects", "No two modules of the benchmarks"),
@@ -109,6 +110,33 @@ def test_workflows_use_public_names_alone():
             assert not deep, f"{module} imports {deep}"
 
 
+EFFECTS_IMPORT = {
+    "taichi_lsm.core.errors",
+    "taichi_lsm.core.rotation",
+    "taichi_lsm.core.runtime",
+    "taichi_lsm.effects",
+    "taichi_lsm.effects.base",
+    "taichi_lsm.effects.tangential_spring",
+}
+
+
+def imports_beyond(allowed, path, module):
+    """Modules of the library that a file imports and that are not among the allowed ones."""
+    return {name for name in imports(path, module) if name.split(".")[0] == "taichi_lsm"} - allowed
+
+
+@pytest.mark.parametrize("module", [module for module in LIBRARY if module.startswith("taichi_lsm.effects")])
+def test_effects_import_an_allowed_list_alone(module):
+    assert not imports_beyond(EFFECTS_IMPORT, MODULES[module], module)
+
+
+def test_a_forbidden_import_of_an_effect_is_found(tmp_path):
+    path = tmp_path / "planted.py"
+    path.write_text("from ..core.data_files import data_path\nfrom .base import Effect\nimport taichi_lsm.packing\n")
+    found = imports_beyond(EFFECTS_IMPORT, path, "taichi_lsm.effects.planted")
+    assert found == {"taichi_lsm.core.data_files", "taichi_lsm.packing"}
+
+
 def test_taichi_is_imported_in_one_place():
     named = {m for m, p in MODULES.items() if any(n.split(".")[0] == "taichi" for n in imports(p, m))}
     assert named == {"taichi_lsm.core.runtime"}
@@ -123,10 +151,10 @@ def test_no_module_with_kernels_imports_xarray():
 
 
 def long_functions(tree, most=65):
-    """Functions, with their lengths in lines, that are longer than `most`."""
+    """(name, first line, number of lines) of every function that is longer than `most` lines."""
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
-    lengths = {node.name: node.end_lineno - node.lineno + 1 for node in functions}
-    return {name: length for name, length in lengths.items() if length > most}
+    lengths = [(node.name, node.lineno, node.end_lineno - node.lineno + 1) for node in functions]
+    return [function for function in lengths if function[2] > most]
 
 
 @pytest.mark.parametrize("module", [*MODULES, *TESTS])
@@ -140,7 +168,8 @@ def test_modules_and_functions_are_short(module):
 
 def test_a_long_function_is_found():
     body = "\n".join(["    x = 1"] * 65)
-    assert long_functions(ast.parse(f"def f():\n{body}\n")) == {"f": 66}
+    source = f"def f():\n{body}\n\ndef f():\n    pass\n"  # the name of a short function as well
+    assert long_functions(ast.parse(source)) == [("f", 1, 66)]
 
 
 def own_docstring(thing):

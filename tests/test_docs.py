@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import workflows
 from taichi_lsm.core.errors import InputError
 from taichi_lsm.effects import find_effects
 from tests.effects.test_every_effect import check_contract
+from tests.helpers.processes import run_python
 from workflows import hard
 from workflows.cli.discovery import find_workflows
 from workflows.common.parameters import merge
@@ -23,6 +25,7 @@ PAGES += sorted(ROOT.glob("docs/**/*.md"))
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CALL = re.compile(r"`(?:\.venv/bin/)?lsm ([^`]+)`|^ +(?:\.venv/bin/)?lsm (.+)$", re.MULTILINE)
 PATH = re.compile(r"`((?:taichi_lsm|workflows|tests|benchmarks|data)/[\w./-]*)`")
+PYTEST = re.compile(r"\.venv/bin/python -m pytest ([^`#\n]*)")
 # Files that a recipe invents or a command writes.
 MADE = ("workflows/my_test.py", "taichi_lsm/effects/stiffening_spring.py", "benchmarks/results.json")
 
@@ -119,12 +122,23 @@ def test_a_name_that_does_not_exist_is_found():
     assert names_in(text) - names_of_the_library() == {"VelocityVerlet.jump", "leap"}
 
 
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+EFFECT_RECIPE, WORKFLOW_RECIPE = re.findall(r"```python\n(.*?)```", CONTRIBUTING, re.DOTALL)
+
+
+@pytest.mark.parametrize("arguments", PYTEST.findall(CONTRIBUTING))
+def test_pytest_lines_select_tests(arguments):
+    """pytest ends with status 5 if it finds none, which `run_python` refuses."""
+    assert "::test_" in run_python("-m", "pytest", *arguments.split(), "--collect-only", "-q", "-n", "0")
+
+
 @pytest.fixture
 def recipes(tmp_path, monkeypatch):
     """The two recipes of CONTRIBUTING.md as plugins; the folder and their names."""
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    effect, workflow = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    for folder, name, code in (("effects", "stiffening_spring", effect), ("workflows", "my_test", workflow)):
+    for folder, name, code in (
+        ("effects", "stiffening_spring", EFFECT_RECIPE),
+        ("workflows", "my_test", WORKFLOW_RECIPE),
+    ):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / f"{name}.py").write_text(code, encoding="utf-8")
     monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
@@ -159,6 +173,23 @@ def test_recipes_have_the_style_of_the_package(recipes):
 @pytest.mark.usefixtures("runtime")
 def test_recipe_of_an_effect_keeps_the_contract(recipes):
     check_contract(find_effects()["stiffening_spring"], 0, 2)
+
+
+def test_recipe_of_an_effect_is_one_new_file_of_the_package(tmp_path):
+    """In a copy of the package it is found, has its name in the namespace, and the tests of the names and of the
+    order of the package pass."""
+    for folder in ("data", "taichi_lsm", "workflows", "tests"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / "taichi_lsm" / "effects" / "stiffening_spring.py").write_text(EFFECT_RECIPE, encoding="utf-8")
+    code = "import taichi_lsm as lsm; effect = lsm.effects.find_effects()['stiffening_spring']"
+    code += "; print(effect is lsm.effects.StiffeningSpring, 'StiffeningSpring' in dir(lsm.effects), effect.__module__)"
+    printed = run_python("-c", code, root=tmp_path).splitlines()[-1]
+    assert printed == "True True taichi_lsm.effects.stiffening_spring"
+    files = ("tests/test_api.py", "tests/test_architecture.py")
+    options = ("-q", "-n", "0", "-k", "test_api or stiffening_spring", "-p", "no:cacheprovider")
+    summary = run_python("-m", "pytest", *files, *options, root=tmp_path).splitlines()[-1]
+    assert re.match(r"\d\d passed, \d+ deselected", summary), summary
 
 
 def test_recipe_of_an_experiment_runs(recipes, tmp_path):

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 
-if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
+if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a name left out works all the same
     from .base import Bodies as Bodies
     from .base import Effect as Effect
     from .base import HistoryValue as HistoryValue

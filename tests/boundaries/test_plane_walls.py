@@ -219,7 +219,7 @@ def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, m
     assert not same(state(discs), reference)
 
 
-@pytest.mark.validate  # two processes; test_bits.py and test_rubble.py compare threads in `make test`
+@pytest.mark.validate  # two processes; test_bits.py has a wall and compares threads in `make test`
 def test_bits_do_not_depend_on_threads(tmp_path):
     digests = []
     for threads in (1, 2):

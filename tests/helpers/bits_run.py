@@ -17,12 +17,15 @@ COLUMNS, ROWS = 100, 50
 
 
 def layer(parallel, skin):
-    """5000 discs with friction and damping between two platens, the upper one pulled and under servo control."""
+    """5000 discs with friction and damping between two platens, the upper one pulled and under servo control.
+
+    The lower platen is every fourth disc of the lowest row; the others of that row lie above a plane wall that moves.
+    """
     rng = np.random.default_rng(21)
     pitch = 1.02
     x, y = np.meshgrid(np.arange(COLUMNS), np.arange(ROWS))
     position = pitch * np.stack([x + 0.5 * (y % 2), 0.9 * y], axis=-1).reshape(-1, 2)
-    platen = np.where(y == 0, 0, np.where(y == ROWS - 1, 1, -1)).ravel()
+    platen = np.select([(y == 0) & (x % 4 == 0), y == ROWS - 1], [0, 1], -1).ravel()
     mobile = platen < 0
     k, stress = 1e5, 1e3
     return lsm.Scene(
@@ -44,6 +47,7 @@ def layer(parallel, skin):
             lsm.Platen("lower", [lsm.Fixed(), lsm.Fixed()]),
             lsm.Platen("upper", [lsm.ConstantVelocity(2.0, 10.0), lsm.ServoStress(stress, 1, k, 8e4, 1.0)]),
         ],
+        walls=[lsm.PlaneWall("floor", (0.0, -0.55), (0.0, 1.0), (2.0, 0.02))],
         velocity=np.where(mobile[:, None], rng.standard_normal(position.shape), 0.0),
         skin=skin,
         parallel=parallel,
@@ -71,6 +75,7 @@ def main(file, steps, threads, path, skin, width):
     names = sorted(set(sim.grains.variables) - {"built_position"})
     columns = {name: getattr(sim.state, name).to_numpy() for name in names}
     columns |= {f"platen_{name}": values for name, values in sim.platens.snapshot().items()}
+    columns |= {f"wall_{name}": values for name, values in sim.walls.snapshot().items()}
     columns |= dict(zip(("pairs", "pair_force", "history"), touching_contacts(sim)))
     sums = sim.measure.sums(-1.0, 60.0)
     columns["sums"] = np.concatenate([np.ravel(value) for value in sums.values()])
@@ -80,6 +85,7 @@ def main(file, steps, threads, path, skin, width):
         "grains": len(sim),
         "rebuilds": sim.rebuilds,
         "sliding": sums["sliding_count"],
+        "wall_work": float(columns["wall_work"][0]),
     }
     with open(file, "w", encoding="utf-8") as out:
         json.dump(summary, out)

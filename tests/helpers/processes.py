@@ -18,5 +18,5 @@ def run_python(*arguments, root=ROOT, **environment):
     more = {"PYTHONPATH": str(root)} | environment
     command = [sys.executable, *arguments]
     done = subprocess.run(command, cwd=root, env=os.environ | more, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     return done.stdout

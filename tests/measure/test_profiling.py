@@ -63,6 +63,7 @@ def test_a_thread_per_grain_gives_the_same_bits(reference_packing, name):
         sim.step_loop = loop
         try:
             sim.run(400)
+            assert sim.step_loop is loop
         finally:
             sim.step_loop = shared
         assert sim.step == 400

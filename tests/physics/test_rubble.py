@@ -69,6 +69,7 @@ def test_the_bits_do_not_depend_on_the_launches_or_on_the_list(rubble):
     rubble.rebuild_neighbours()
     rubble.step_loop, rubble.rebuilds = StepLoopGPU(rubble.stages), 0
     rubble.run(STEPS)
+    assert type(rubble.step_loop) is StepLoopGPU  # a list that outgrows its storage would have replaced it
     rubble.step_loop = loop
     rubble.set_skin(skin)
     assert rubble.bonds.intact.to_numpy().sum() < rubble.bonds.count - 10
