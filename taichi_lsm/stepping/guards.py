@@ -18,7 +18,7 @@ class Guards:
     displacement : float
         Displacement of a grain in one step, in its bounding radius [1].
     energy : float
-        Error of the energy balance, in the energy turned over [1].
+        Error of the energy balance, in the energy exchanged [1].
     overlap : float
         Overlap of a contact over its overlap limit, 1 or None.
     wall : float

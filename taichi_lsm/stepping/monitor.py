@@ -158,7 +158,7 @@ class Monitor:
         if not (error if untracked else abs(error)) <= limit * turnover:
             self._stop(
                 f"the energy balance is lost by {error:g} J, {abs(error) / turnover:.3g} of the {turnover:g} J "
-                f"that were turned over, the limit is {limit:g}; use a smaller time step",
+                f"that were exchanged, the limit is {limit:g}; use a smaller time step",
                 [],
                 {"energy_error": error, "energy_turned_over": turnover},
             )
