@@ -7,7 +7,7 @@ Every public name has one home: a namespace, or this module for what belongs to 
 lsm.shapes
     Grain shapes and the ways to make them: discs, spheres, polygons, polyhedra, meshes, Voronoi packings.
 lsm.effects
-    What acts on the grains: contact laws, friction, body forces, damping, bonds.
+    What acts on the grains: contact forces, friction, body forces, damping, bonds.
 lsm.statistics
     Means with standard errors of the time series of a run.
 lsm

@@ -11,10 +11,10 @@ from . import describe
 from .bonds.bond_setup import bond_rate
 from .boundaries.platens import Platen
 from .boundaries.wall_setup import PlaneWall
-from .core.errors import InputError
+from .core.errors import InputError, finite
 from .core.fields import rotation_size
 from .effects.base import Bodies, Effect
-from .scene_checks import check_orientation, check_scene
+from .scene_checks import check_orientation, check_scene, float_array, index_array
 from .shapes import GrainShape, disc, sphere
 from .stepping.guards import Guards
 from .stepping.verlet import OnsetVerlet, VelocityVerlet
@@ -43,7 +43,7 @@ class Scene:
     density : float
         Mass density of all grains [kg m-3].
     effects : sequence of Effect
-        What acts on the grains: contact laws, body forces, damping, bonds (`taichi_lsm.effects`). Each at most once.
+        What acts on the grains: contact forces, body forces, damping, bonds (`taichi_lsm.effects`). Each at most once.
     dim : {2, 3}
         Number of dimensions. Default: the number of columns of `position`.
     lengths : (dim,) sequence of float
@@ -147,21 +147,23 @@ class Scene:
     guards: Guards = field(default_factory=Guards)
 
     def __post_init__(self):
-        self.position = np.asarray(self.position, float)
+        self.position = float_array("position", self.position)
         n = len(self.position) if self.position.ndim else 0
         if n == 0:
             raise InputError("Scene.position: no grains, must be at least one")
-        if self.dim is DERIVED and self.position.ndim == 2:
+        if self.position.ndim != 2:
+            raise InputError(f"Scene.position: array of shape {self.position.shape}, must be (n, 2) or (n, 3)")
+        if self.dim is DERIVED:
             self.dim = self.position.shape[1]
         if self.dim not in (2, 3):
             raise InputError(f"Scene.dim: {self.dim!r}, must be 2 or 3")
         self._complete_cell_and_shapes()
-        self.diameter = _per_grain(self.diameter, n, 1.0, float)
-        self.shape_index = _per_grain(self.shape_index, n, 0, np.int32)
-        self.platen_index = _per_grain(self.platen_index, n, -1, np.int32)
+        self.diameter = _per_grain(float_array("diameter", self.diameter), n)
+        self.shape_index = _per_grain(index_array("shape_index", self.shape_index, default=0), n)
+        self.platen_index = _per_grain(index_array("platen_index", self.platen_index, default=-1), n)
         self._complete_orientation(n)
-        self.velocity = _array(self.velocity, (n, self.dim))
-        self.angular_velocity = _array(self.angular_velocity, (n, rotation_size(self.dim)))
+        self.velocity = _array("velocity", self.velocity, (n, self.dim))
+        self.angular_velocity = _array("angular_velocity", self.angular_velocity, (n, rotation_size(self.dim)))
         self.thickness = float(np.mean(self.diameter)) if self.thickness is DERIVED else self.thickness
         self.skin = SKIN * float(np.mean(self.diameter)) if self.skin is DERIVED else self.skin
         check_scene(self)
@@ -177,11 +179,11 @@ class Scene:
         """Fill in one description of the orientations: angles in 2D, unit quaternions in 3D."""
         check_orientation(self)
         if self.dim == 2:
-            self.angle = _array(self.angle, (n,))
+            self.angle = _array("angle", self.angle, (n,))
         elif self.orientation is DERIVED:
             self.orientation = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (n, 4))  # takes no memory
         else:
-            self.orientation = np.asarray(self.orientation, float)
+            self.orientation = float_array("orientation", self.orientation)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -293,7 +295,7 @@ class Scene:
         """
         if self.dt is None:
             return self.safety * self.stable_dt()
-        if not (np.isfinite(self.dt) and self.dt > 0.0):
+        if not (finite(self.dt) and self.dt > 0.0):
             raise InputError(f"Scene.dt: {self.dt!r} s, must be > 0, or None for a stable one")
         if self.guards.step:
             most = self.guards.step * self.step_bound(replace(self.bodies(), coordination=1.0))
@@ -305,12 +307,11 @@ class Scene:
         return self.dt
 
 
-def _array(given: Any, shape: tuple[int, ...]) -> NDArray:
+def _array(name: str, given: Any, shape: tuple[int, ...]) -> NDArray:
     """Array of floats, zeros of this shape if nothing is given."""
-    return np.zeros(shape) if given is DERIVED else np.asarray(given, float)
+    return np.zeros(shape) if given is DERIVED else float_array(name, given)
 
 
-def _per_grain(given: Any, n: int, default: float, dtype: type) -> NDArray:
-    """One number per grain: the default, or a scalar for all, or an array."""
-    array = np.asarray(default if given is DERIVED else given, dtype)
-    return np.full(n, array) if array.ndim == 0 else array
+def _per_grain(values: NDArray, n: int) -> NDArray:
+    """One number per grain: a scalar holds for all."""
+    return np.full(n, values) if values.ndim == 0 else values

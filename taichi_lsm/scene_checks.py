@@ -2,35 +2,64 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import reprlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .bonds.bond_setup import checked_bonds
 from .boundaries.periodic_cell import check_box, check_shear
-from .boundaries.wall_setup import check_walls
+from .boundaries.platens import Platen
+from .boundaries.wall_setup import PlaneWall, check_walls
 from .contact.surface_kinds import CURVED, kind_of
-from .core.errors import InputError
+from .core.errors import InputError, finite
 from .core.fields import orientation_size, rotation_size
 from .effects.base import Effect
+from .shapes import GrainShape
+from .stepping.guards import Guards
+from .stepping.verlet import VelocityVerlet
 
 if TYPE_CHECKING:
     from .scene import Scene
 
 UNIT_TOLERANCE = 1e-9  # of the norm of a unit quaternion
+TABLES = {"effects": Effect, "shapes": GrainShape, "platens": Platen, "walls": PlaneWall}  # classes of their entries
+
+
+def float_array(name: str, given: Any) -> NDArray:
+    """Array of the floats given for the field `name`; InputError if they are no numbers or do not form an array."""
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError):
+        raise InputError(f"Scene.{name}: {reprlib.repr(given)}, must be numbers, equally many in each row") from None
+
+
+def index_array(name: str, given: Any, default: int) -> NDArray:
+    """Array of the int32 given for the field `name`, `default` if it is None; InputError for anything else."""
+    array = np.asarray(default) if given is None else float_array(name, given)
+    with np.errstate(invalid="ignore"):  # of what is not finite or too large, which the comparison finds
+        whole = array.astype(np.int32)
+    wrong = array[whole != array]
+    if len(wrong):
+        raise InputError(f"Scene.{name}: {wrong[0]:g}, must be whole numbers, rows of a table")
+    return whole
 
 
 def check_scene(scene: Scene) -> None:
     """Raise InputError if the completed `scene` contradicts itself; sorts its bonds."""
     _check_arrays(scene)
+    _check_axes(scene)
     _check_values(scene)
-    _check_tables(scene)
+    _check_settings(scene)
+    for name, entry in TABLES.items():
+        _check_entries(scene, name, entry)
+    _check_indices(scene)
     _check_effects(scene)
     scene.bonds = checked_bonds(scene.bonds, scene.effects, len(scene.position))
     for effect in scene.effects:
         effect.check(scene)
-    if not (np.isfinite(scene.skin) and scene.skin > 0):
-        raise InputError(f"Scene.skin: {scene.skin!r} m, must be > 0")
     check_box(scene.lengths, scene.periodic, scene.widest(), scene.skin)
     _check_shapes(scene)
     check_walls(scene)
@@ -41,7 +70,7 @@ def check_orientation(scene: Scene) -> None:
     """Raise InputError if orientations are given in the form of the other dimension."""
     given, other = ("angle", "orientation") if scene.dim == 2 else ("orientation", "angle")
     if getattr(scene, other) is not None:
-        raise InputError(f"Scene.{other}: given in {scene.dim}D, where `{given}` says how a grain is turned")
+        raise InputError(f"Scene.{other}: given in {scene.dim}D, where `{given}` gives the orientations")
 
 
 def _check_arrays(scene: Scene) -> None:
@@ -62,23 +91,61 @@ def _check_arrays(scene: Scene) -> None:
             raise InputError(f"Scene.{name}: array of shape {value.shape}, must be {shape}")
         if not np.isfinite(value).all():
             raise InputError(f"Scene.{name}: grain {np.argwhere(~np.isfinite(value))[0][0]} is not finite")
-    for name in ("lengths", "periodic"):
-        if len(getattr(scene, name)) != scene.dim:
-            raise InputError(f"Scene.{name}: {len(getattr(scene, name))} values, must be one per axis ({scene.dim})")
+
+
+def _check_axes(scene: Scene) -> None:
+    """One length and one truth value per axis."""
+    for name, kind in (("lengths", "a number"), ("periodic", "True or False")):
+        given = getattr(scene, name)
+        if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
+            raise InputError(f"Scene.{name}: {given!r}, must be {kind} per axis ({scene.dim})")
+        if len(given) != scene.dim:
+            raise InputError(f"Scene.{name}: {len(given)} values, must be one per axis ({scene.dim})")
+        for value in given:
+            number = isinstance(value, int | float | np.number | np.bool_) and not np.isnan(value)
+            if not number or (name == "periodic" and value not in (0, 1)):
+                raise InputError(f"Scene.{name}: {value!r}, must be {kind} per axis")
 
 
 def _check_values(scene: Scene) -> None:
-    """Numbers that must be positive."""
+    """Numbers that must be positive; unit quaternions."""
     if not (scene.diameter > 0).all():
         raise InputError(f"Scene.diameter: least value {scene.diameter.min():g} m, must be > 0")
-    if not (np.isfinite(scene.density) and scene.density > 0):
-        raise InputError(f"Scene.density: {scene.density!r} kg/m3, must be > 0")
+    units = {"density": " kg/m3", "thickness": " m", "skin": " m", "safety": ""}
+    for name, unit in (units | ({} if scene.area is None else {"area": " m2"})).items():
+        value = getattr(scene, name)
+        if not (finite(value) and value > 0):
+            raise InputError(f"Scene.{name}: {value!r}{unit}, must be > 0")
+    if not finite(scene.shear_rate):
+        raise InputError(f"Scene.shear_rate: {scene.shear_rate!r} s-1, must be a finite number, 0 for a cell at rest")
     if scene.dim == 3 and np.abs(np.linalg.norm(scene.orientation, axis=1) - 1.0).max() > UNIT_TOLERANCE:
         raise InputError("Scene.orientation: must be unit quaternions (w, x, y, z) to 1e-9")
 
 
-def _check_tables(scene: Scene) -> None:
-    """Indices into the tables of shapes and platens."""
+def _check_settings(scene: Scene) -> None:
+    """How the scene is run: class of the integration, switches, guards."""
+    integrator = scene.integrator
+    if not (isinstance(integrator, type) and issubclass(integrator, VelocityVerlet)):
+        raise InputError(f"Scene.integrator: {integrator!r}, must be a class such as OnsetVerlet, not its name")
+    if not isinstance(scene.guards, Guards):
+        raise InputError(f"Scene.guards: {scene.guards!r}, must be Guards(...), in which None switches a guard off")
+    if not isinstance(scene.track_dissipation, bool | np.bool_):
+        raise InputError(f"Scene.track_dissipation: {scene.track_dissipation!r}, must be True or False")
+    if not (scene.parallel is None or isinstance(scene.parallel, bool | np.bool_)):
+        raise InputError(f"Scene.parallel: {scene.parallel!r}, must be True, False or None")
+
+
+def _check_entries(scene: Scene, name: str, entry: type) -> None:
+    """A sequence of instances of the class `entry`; there is at least one shape."""
+    given = getattr(scene, name)
+    if not isinstance(given, Sequence) or not all(isinstance(e, entry) for e in given):
+        raise InputError(f"Scene.{name}: {reprlib.repr(given)}, must be instances of {entry.__name__}, in a list")
+    if name == "shapes" and len(given) == 0:
+        raise InputError("Scene.shapes: none, must be at least one, or left out for discs or spheres")
+
+
+def _check_indices(scene: Scene) -> None:
+    """Rows of the tables of shapes and platens."""
     if scene.shape_index.min() < 0 or scene.shape_index.max() >= len(scene.shapes):
         raise InputError(
             f"Scene.shape_index: {scene.shape_index.min()}..{scene.shape_index.max()}, "
@@ -93,15 +160,13 @@ def _check_tables(scene: Scene) -> None:
 
 def _check_effects(scene: Scene) -> None:
     """Effects that can act together, and with the integrator."""
-    if not all(isinstance(e, Effect) for e in scene.effects):
-        raise InputError(f"Scene.effects: {scene.effects!r}, must be instances of Effect")
     names = [e.name for e in scene.effects]
     if len(set(names)) < len(names):
         raise InputError(f"Scene.effects: {names}, each effect may be listed once")
     for role in sorted({e.role for e in scene.effects if e.role}):
         same = [e.name for e in scene.effects if e.role == role]
         if len(same) > 1:
-            raise InputError(f"Scene.effects: {same} are all laws of {role}, one may be listed")
+            raise InputError(f"Scene.effects: {same} are all for {role}, one of them may be listed")
     lossy = [e.name for e in scene.effects if e.dissipates]
     if scene.integrator.conservative and lossy:
         raise InputError(f"Scene.integrator: {scene.integrator.__name__} is for scenes without losses, not {lossy}")

@@ -68,7 +68,11 @@ def test_scenes_compare_by_identity():
         ({"periodic": (True, False)}, "length inf m is periodic"),
         ({"skin": 0.0}, "Scene.skin: 0.0 m, must be > 0"),
         ({"effects": SPRING * 2}, "each effect may be listed once"),
-        ({"effects": [3]}, r"Scene.effects: \[3\], must be instances of Effect"),
+        ({"effects": [3]}, r"Scene.effects: \[3\], must be instances of Effect, in a list"),
+        (
+            {"effects": lsm.LinearElastic(1e5)},
+            "Scene.effects: .*LinearElastic.*, must be instances",
+        ),
         ({"bonds": [(0, 1)]}, "Scene.bonds"),
         ({"shapes": [lsm.sphere()]}, "'sphere' is not a shape in 2D"),
     ],
@@ -76,6 +80,65 @@ def test_scenes_compare_by_identity():
 def test_what_makes_no_sense_is_named_with_its_bound(changes, message):
     with pytest.raises(lsm.InputError, match=message):
         two(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"position": [(0.0, 0.0), (1.0,)]},
+            r"Scene.position: \[\(0.0, 0.0\), \(1.0,\)\], must be numbers",
+        ),
+        ({"position": "abc"}, "Scene.position: 'abc', must be numbers"),
+        ({"position": [0.0, 1.0]}, r"Scene.position: array of shape \(2,\), must be \(n, 2\) or \(n, 3\)"),
+        ({"diameter": "x"}, "Scene.diameter: 'x', must be numbers"),
+        ({"diameter": None}, "Scene.diameter: grain 0 is not finite"),
+        ({"angle": "x"}, "Scene.angle: 'x', must be numbers"),
+        ({"velocity": [(0.0, 0.0), (1.0,)]}, "Scene.velocity: .*, must be numbers, equally many in each row"),
+        ({"angular_velocity": "x"}, "Scene.angular_velocity: 'x', must be numbers"),
+        ({"shape_index": [0.7, 0]}, "Scene.shape_index: 0.7, must be whole numbers, rows of a table"),
+        ({"shape_index": "x"}, "Scene.shape_index: 'x', must be numbers"),
+        ({"platen_index": [-1.0, np.nan]}, "Scene.platen_index: nan, must be whole numbers"),
+        ({"platen_index": [2**40, -1]}, r"Scene.platen_index: 1.09951e\+12, must be whole numbers"),
+        ({"lengths": 5.0}, r"Scene.lengths: 5.0, must be a number per axis \(2\)"),
+        ({"lengths": ("a", "b")}, "Scene.lengths: 'a', must be a number per axis"),
+        ({"lengths": (5.0, np.nan)}, "Scene.lengths: nan, must be a number per axis"),
+        ({"periodic": True}, r"Scene.periodic: True, must be True or False per axis \(2\)"),
+        ({"periodic": ("x", "y")}, "Scene.periodic: 'x', must be True or False per axis"),
+        ({"periodic": (2, 0)}, "Scene.periodic: 2, must be True or False per axis"),
+        ({"density": "heavy"}, "Scene.density: 'heavy' kg/m3, must be > 0"),
+        ({"skin": "a"}, "Scene.skin: 'a' m, must be > 0"),
+        ({"thickness": -1.0}, "Scene.thickness: -1.0 m, must be > 0"),
+        ({"area": 0.0}, "Scene.area: 0.0 m2, must be > 0"),
+        ({"safety": -1.0}, "Scene.safety: -1.0, must be > 0"),
+        ({"shear_rate": "fast"}, "Scene.shear_rate: 'fast' s-1, must be a finite number"),
+        ({"integrator": "verlet"}, "Scene.integrator: 'verlet', must be a class such as OnsetVerlet"),
+        ({"integrator": dict}, "Scene.integrator: .*dict.*, must be a class such as OnsetVerlet"),
+        ({"guards": None}, r"Scene.guards: None, must be Guards\(...\)"),
+        ({"track_dissipation": "no"}, "Scene.track_dissipation: 'no', must be True or False"),
+        ({"parallel": 2}, "Scene.parallel: 2, must be True, False or None"),
+        ({"shapes": [1]}, r"Scene.shapes: \[1\], must be instances of GrainShape, in a list"),
+        ({"shapes": []}, "Scene.shapes: none, must be at least one"),
+        ({"platens": ["a"]}, r"Scene.platens: \['a'\], must be instances of Platen"),
+        ({"walls": ["floor"]}, r"Scene.walls: \['floor'\], must be instances of PlaneWall"),
+    ],
+)
+def test_what_has_the_wrong_type_is_refused_by_its_name(changes, message):
+    with pytest.raises(lsm.InputError, match=message):
+        two(**changes)
+
+
+def test_a_step_that_is_no_number_is_refused():
+    with pytest.raises(lsm.InputError, match=r"Scene\.dt: 'x' s, must be > 0"):
+        two(dt="x").chosen_dt()
+
+
+def test_whole_numbers_and_truth_values_of_any_type_are_taken():
+    scene = two(
+        shape_index=np.zeros(2), platen_index=np.int64(-1), lengths=np.array([5.0, 5.0]), periodic=np.array([1, 0])
+    )
+    assert scene.shape_index.dtype == scene.platen_index.dtype == np.int32
+    assert scene.shape_index.tolist() == [0, 0] and scene.platen_index.tolist() == [-1, -1]
 
 
 def test_three_dimensions_take_unit_quaternions():
