@@ -15,6 +15,8 @@ takes no memory.
 
 from dataclasses import dataclass
 
+from .errors import InputError
+
 DTYPES = ("real", "f64", "i32", "i8")
 
 
@@ -39,8 +41,8 @@ class Variable:
 
     Raises
     ------
-    ValueError
-        If the declaration itself is wrong: a mistake in the code, not of a user.
+    InputError
+        If the name is no identifier, the dtype is unknown, or units or long_name are missing.
     """
 
     name: str
@@ -52,8 +54,9 @@ class Variable:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            raise ValueError(f"Variable name {self.name!r} is not an identifier")
+            raise InputError(f"Variable.name: {self.name!r}, must be an identifier")
         if self.dtype not in DTYPES:
-            raise ValueError(f"Variable {self.name}: dtype {self.dtype!r}, allowed are {', '.join(DTYPES)}")
-        if not self.units or not self.long_name:
-            raise ValueError(f"Variable {self.name}: units and long_name must be given")
+            raise InputError(f"Variable.dtype: {self.dtype!r} of {self.name}, must be one of {', '.join(DTYPES)}")
+        for field in ("units", "long_name"):
+            if not getattr(self, field):
+                raise InputError(f"Variable.{field}: missing for {self.name}, must be given; units of a number are '1'")

@@ -6,6 +6,7 @@ import pytest
 
 from taichi_lsm.contact import arc_chains, cone_patches, part_table, polyhedron_table
 from taichi_lsm.contact.pair_storage import pair_variables
+from taichi_lsm.core.errors import InputError
 from taichi_lsm.core.schema import DTYPES, Variable
 from taichi_lsm.measure.sheared_layer import layer_rows
 from taichi_lsm.stepping.grain_state import grain_variables
@@ -34,7 +35,7 @@ def test_variable_is_plain_and_frozen():
 def test_refusals_name_the_row(changes, message):
     good = {"name": "speed", "dims": (), "dtype": "f64", "units": "m s-1", "long_name": "speed of the grain"}
     Variable(**good)
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(InputError, match=message):
         Variable(**good | changes)
 
 
