@@ -47,7 +47,8 @@ PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packin
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
 MANY = 20_000  # grains; for more memory matters, for fewer a list that need not grow, as each growth compiles anew
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
-NOT_COMPOSED: Any = None  # what `compose` makes, before it has run
+# Before the first `compose`; typed Any, so that the attributes are declared as what they hold from then on.
+NOT_COMPOSED: Any = None
 LAST_GOOD, STOPPED = "checkpoint.nc", "stopped.nc"
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
@@ -78,7 +79,9 @@ class Simulation:
         self.rebuilds = 0
         self.launches = 0
         self.seconds = {}  # by what the run was doing
-        self._folder: Path | None = None
+        self._folder: Path | None = None  # of checkpoints
+        self._keep_seconds, self._kept = np.inf, 0.0  # their distance and the time of the last one, in wall clock
+        self._last_good: Path | None = None  # the last one of this run
         self.monitor: Monitor = NOT_COMPOSED
         self.integrator: VelocityVerlet = NOT_COMPOSED
         shared = len(scene.position) > SERIAL_LIMIT if scene.parallel is None else scene.parallel
@@ -192,6 +195,7 @@ class Simulation:
         start.
         """
         self.step = 0
+        self._last_good = None
         self.error_flags.clear()
         self.pairs.row_start.fill(0)
         if self.spec.tracks_dissipation:
@@ -331,9 +335,11 @@ class Simulation:
     def keep_checkpoints(self, folder: str | Path, seconds: float = 60.0) -> None:
         """Keep the last good state in `folder`: checkpoint.nc, every so many seconds of wall clock if no guard objects.
 
-        A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads both.
+        A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads both. A file of an
+        earlier run in the folder is replaced at the first occasion and is never taken for the state of this one.
         """
-        self._folder, self._keep_seconds, self._kept = Path(folder), seconds, time.monotonic()
+        self._folder, self._last_good = Path(folder), None
+        self._keep_seconds, self._kept = seconds, time.monotonic()
 
     def run(self, steps: int) -> None:
         """Advance by an integer number of steps. Raises SimulationError naming the step, the grains and the cause."""
@@ -345,7 +351,7 @@ class Simulation:
                     self.monitor.check_all()
                     with self.clock("output"):
                         save_checkpoint(self, self._folder / LAST_GOOD)
-                    self._kept = time.monotonic()
+                    self._kept, self._last_good = time.monotonic(), self._folder / LAST_GOOD
         except SimulationError as error:
             self._save_stopped(error)
             raise
@@ -371,7 +377,7 @@ class Simulation:
         """Add to the error what was saved of the run."""
         if self._folder is not None:
             save_checkpoint(self, self._folder / STOPPED)
-            error.saved = tuple(self._folder / name for name in (STOPPED, LAST_GOOD) if (self._folder / name).exists())
+            error.saved = (self._folder / STOPPED, *([self._last_good] if self._last_good else []))
 
     def _energies_changed(self):
         if self.monitor:

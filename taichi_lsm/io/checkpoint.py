@@ -18,8 +18,7 @@ from ..boundaries.periodic_cell import SHEAR_ROWS
 from ..boundaries.plane_walls import WALL_ROWS
 from ..contact.neighbour_list import grown
 from ..core.atomic_netcdf import write_atomically
-from ..core.errors import InputError
-from ..core.fields import rounded_capacity
+from ..core.errors import InputError, finite
 from ..core.schema import Variable
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 
 FORMAT = 2
 COUNTERS = ("step", "rebuilds")
-NUMBERS = (*COUNTERS, "searches", "dt", "pair_capacity")  # attributes of the file beside those of `_identity`
+COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside `dt` and those of `_identity`
 EXPECTED = "must be a whole file that save_checkpoint wrote"
 LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
 PLATEN_ROWS = tuple(
@@ -51,9 +50,10 @@ SPRING_ROW = Variable("stretch", ("platen", "space"), "f64", "m", "stretch of th
 
 @dataclass(frozen=True)
 class _Saved:
-    """Contents of a checkpoint: attributes of the file and {group: {row: values of the rows in use}}."""
+    """Contents of a checkpoint: its time step [s], its whole numbers and {group: {row: values of the rows in use}}."""
 
-    attributes: dict[str, Any]
+    dt: float
+    counts: dict[str, int]
     tables: dict[str, dict[str, npt.NDArray]]
 
 
@@ -89,29 +89,28 @@ def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
         simulation is then as it was.
     """
     saved = _read(sim, Path(path))
-    capacity = int(saved.attributes["pair_capacity"])
+    sim.set_time_step(saved.dt)  # refuses a step that is none, hence first
+    capacity = saved.counts["pair_capacity"]
     if capacity > sim.pairs.capacity:
         sim.compose(grown(sim.pairs, capacity))
     for group, rows, owner, _ in _tables(sim):
-        _fill(saved.tables[group], rows, owner, path)
+        _fill(saved.tables[group], rows, owner)
     for name in COUNTERS:
-        setattr(sim, name, int(saved.attributes[name]))
-    sim.search.searches = int(saved.attributes["searches"])
-    sim.set_time_step(float(saved.attributes["dt"]))
+        setattr(sim, name, saved.counts[name])
+    sim.search.searches = saved.counts["searches"]
     _resume(sim)
 
 
-def _resume(sim: Any) -> None:
-    """What a simulation derives from its state, after the state was replaced.
-
-    `sim` is not typed here: fields are attributes that are made from schema rows.
-    """
+def _resume(sim: "Simulation") -> None:
+    """What a simulation derives from its state, after the state was replaced."""
     sim.clear_flags()
     sim.monitor.begin()
     if sim.walls:
         sim.walls.mark_all()
     if sim.spec.sheared:
-        sim.domain.set_shear(sim.domain.shear_rate[0], sim.domain.widest[0], sim.domain.strain[0])
+        domain = sim.domain
+        rate, widest, strain = (float(row.to_numpy()[0]) for row in (domain.shear_rate, domain.widest, domain.strain))
+        domain.set_shear(rate, widest, strain)
     grains = sim.grains
     grains.set_order(grains.id.to_numpy()[: len(grains)])
     sim.neighbours.transpose_only()
@@ -153,7 +152,11 @@ def _identity(sim: "Simulation") -> dict[str, Any]:
         "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
         "platens": ", ".join(p.name for p in scene.platens),
         "walls": ", ".join(w.name for w in scene.walls),
-        "shear_rate": float(scene.shear_rate or 0.0),
+        "shear_rate": float(scene.shear_rate),
+        "periodic": ", ".join(axis for axis, repeats in zip("xyz", scene.periodic, strict=False) if repeats),
+        "track_dissipation": np.int64(bool(scene.track_dissipation)),
+        "energy_channels": np.int64(sim.spec.channels),
+        "history": np.int64(sim.spec.history),
         **({"bonds": np.int64(sim.bonds.count)} if sim.bonds else {}),
     }
 
@@ -164,7 +167,11 @@ def _require_same(sim: "Simulation", path: Path, file: netCDF4.Dataset) -> None:
             raise InputError(f"checkpoint {path}: {name} missing, {EXPECTED}")
         theirs = file.getncattr(name)
         if theirs != mine:
-            raise InputError(f"checkpoint {path}: {name} is {theirs}, but the scene has {mine}")
+            saved, present = ("none" if text == "" else text for text in (theirs, mine))
+            raise InputError(
+                f"checkpoint {path}: {name} is {saved}, but the scene has {present}; "
+                "restore it into a simulation of the scene that it was saved from"
+            )
 
 
 def _write(group: netCDF4.Group, rows: Sequence[Variable], owner: Any, count: int) -> None:
@@ -191,26 +198,43 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
             _require_same(sim, path, file)
-            lacking = [name for name in NUMBERS if name not in file.ncattrs()]
+            lacking = [name for name in (*COUNTS, "dt") if name not in file.ncattrs()]
             if lacking:
                 raise InputError(f"checkpoint {path}: {', '.join(lacking)} missing, {EXPECTED}")
-            attributes = {name: file.getncattr(name) for name in NUMBERS}
+            numbers = {name: file.getncattr(name) for name in (*COUNTS, "dt")}
             tables = {
                 group: {row.name: file[group][row.name][:] for row in rows if row.restart}
                 for group, rows, _, _ in _tables(sim)
             }
     except (OSError, RuntimeError, IndexError, AttributeError, KeyError) as error:
         raise InputError(f"checkpoint {path}: cannot be read ({error}), {EXPECTED}") from None
-    return _Saved(attributes, tables)
+    if not (finite(numbers["dt"]) and numbers["dt"] > 0.0):
+        raise InputError(f"checkpoint {path}: dt is {numbers['dt']!r} s, must be > 0, {EXPECTED}")
+    for name in COUNTS:
+        if not (finite(numbers[name]) and numbers[name] >= 0 and numbers[name] == int(numbers[name])):
+            raise InputError(f"checkpoint {path}: {name} is {numbers[name]!r}, must be a whole number >= 0, {EXPECTED}")
+    counts = {name: int(numbers[name]) for name in COUNTS}
+    _require_shapes(sim, path, tables, counts["pair_capacity"])
+    return _Saved(float(numbers["dt"]), counts, tables)
 
 
-def _fill(table: dict[str, npt.NDArray], rows: Sequence[Variable], owner: Any, path: str | PathLike[str]) -> None:
+def _require_shapes(sim: "Simulation", path: Path, tables: dict[str, dict[str, npt.NDArray]], capacity: int) -> None:
+    """Refuse values that do not fit the fields, which have room for `capacity` pairs once they have grown."""
+    used = int(np.ravel(tables["list"]["row_start"])[-1:].sum())
+    if not 0 <= used <= max(capacity, sim.pairs.capacity):
+        raise InputError(f"checkpoint {path}: row_start ends at {used}, must be 0..{capacity}, {EXPECTED}")
+    for group, rows, owner, count in _tables(sim):
+        for name, values in tables[group].items():
+            shape = (used if group == "pairs" else count, *getattr(owner, name).to_numpy().shape[1:])
+            if values.shape != shape:
+                raise InputError(f"checkpoint {path}: {name} has shape {values.shape}, must be {shape}, {EXPECTED}")
+
+
+def _fill(table: dict[str, npt.NDArray], rows: Sequence[Variable], owner: Any) -> None:
     """Put the saved values into the first rows of the fields."""
     for row in rows:
         if row.restart:
             field = getattr(owner, row.name)
             raw, values = field.to_numpy(), table[row.name]
-            if values.shape[1:] != raw.shape[1:] or len(values) > rounded_capacity(len(raw)):
-                raise InputError(f"checkpoint {path}: {row.name} has shape {values.shape}, must fit {raw.shape}")
             raw[: len(values)] = values
             field.from_numpy(raw)

@@ -135,6 +135,75 @@ def test_checkpoints_that_lack_a_table_or_a_number_are_refused(saved, tmp_path):
     check_refused(saved, copy, "rebuilds missing")
 
 
+def test_files_whose_values_do_not_fit_leave_the_simulation_alone(saved, tmp_path):
+    """All numbers and shapes are checked before the first row is overwritten."""
+    copy = tmp_path / "copy.nc"
+
+    def changed(**attributes):
+        copy.write_bytes(saved[2].read_bytes())
+        with netCDF4.Dataset(copy, "a") as file:
+            file.setncatts(attributes)
+
+    changed(dt=-1.0)
+    check_refused(saved, copy, "dt is .*-1.0.* s, must be > 0")
+    changed(dt="soon")
+    check_refused(saved, copy, "dt is 'soon' s, must be > 0")
+    changed(step=1.5)
+    check_refused(saved, copy, "step is .*1.5.*, must be a whole number >= 0")
+    changed()
+    with netCDF4.Dataset(copy, "a") as file:
+        file["list"]["row_start"][-1] = 2**30
+    check_refused(saved, copy, "row_start ends at 1073741824, must be 0")
+    changed()
+    with netCDF4.Dataset(copy, "a") as file:
+        pairs = file["pairs"]
+        row = pairs["status"]
+        pairs.renameVariable("status", "gone")
+        pairs.createDimension("other", 7)
+        pairs.createVariable("status", row.dtype, ("other",))[:] = np.zeros(7)
+    check_refused(saved, copy, r"status has shape \(7,\), must be \(1,\)")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"track_dissipation": False}, "track_dissipation is 0, but the scene has 1; restore it into"),
+        ({"lengths": (9.0, 9.0), "periodic": (True, False)}, "periodic is x, but the scene has none"),
+    ],
+)
+def test_checkpoints_of_scenes_that_keep_other_rows_are_refused(saved, tmp_path, changes, reason):
+    other = scenes.simulate(scenes.scene([(0.0, 0.0), (0.99, 0.0)], scenes.frictional(), **changes))
+    lsm.save_checkpoint(other, tmp_path / "other.nc")
+    check_refused(saved, tmp_path / "other.nc", reason)
+
+
+def test_only_a_file_of_this_run_is_its_last_good_state(saved, tmp_path):
+    """Neither a file that lay in the folder before nor one of the scene before a reset."""
+    good = tmp_path / "checkpoint.nc"
+    good.write_bytes(saved[2].read_bytes())
+    sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.99, 0.0)], scenes.frictional()))
+
+    def saved_at_a_stop():
+        sim.state.velocity.fill(np.nan)
+        with pytest.raises(lsm.SimulationError) as stopped:
+            sim.run(10)
+        return [path.name for path in stopped.value.saved]
+
+    sim.keep_checkpoints(tmp_path, seconds=0.0)
+    assert saved_at_a_stop() == ["stopped.nc"]
+    sim.reset(sim.scene)
+    sim.keep_checkpoints(tmp_path, seconds=0.0)
+    sim.run(10)
+    sim.keep_checkpoints(tmp_path, seconds=0.0)
+    assert saved_at_a_stop() == ["stopped.nc"]
+    sim.reset(sim.scene)
+    sim.keep_checkpoints(tmp_path, seconds=0.0)
+    sim.run(10)
+    assert saved_at_a_stop() == ["stopped.nc", "checkpoint.nc"]
+    sim.reset(sim.scene)
+    assert saved_at_a_stop() == ["stopped.nc"]
+
+
 def test_no_checkpoint_is_written_without_a_folder(saved, tmp_path):
     with pytest.raises(lsm.InputError, match=r"last\.nc: cannot be written, there is no folder"):
         lsm.save_checkpoint(saved[0], tmp_path / "runs" / "last.nc")
