@@ -3,7 +3,7 @@
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -49,19 +49,18 @@ class LayerRecorder:
         sim.keep_checkpoints(out)
         self.run = RunWriter(
             out / "run.nc",
-            layer_rows(sim.bonds is not None),
+            layer_rows(sim.spec.bonds > 0),
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),
             extra_attributes={"stage": flags},
         )
-        dim = sim.scene.dim
-        oriented = sim.grains.has("orientation")
+        dim, spec, bonded = sim.scene.dim, sim.spec, sim.spec.bonds > 0
         self.grains = GrainsWriter(
             out / "grains.nc",
             _constants(sim.scene),
-            static_rows(dim, sim.bonds is not None),
-            snapshot_rows(dim, rotates=sim.spec.rotates, oriented=oriented, bonded=sim.bonds is not None),
+            static_rows(dim, bonded),
+            snapshot_rows(dim, rotates=spec.rotates, oriented=spec.oriented, bonded=bonded),
             attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
         )
 
@@ -83,11 +82,10 @@ class LayerRecorder:
         if self.sim.spec.rotates:
             angular_velocity = state.angular_velocity.to_numpy()
             arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity
-        if self.sim.grains.has("orientation"):
+        if self.sim.spec.oriented:
             arrays["orientation"] = _quaternions(state.orientation.to_numpy())
-        bonds: Any = self.sim.bonds  # its fields are attributes made from schema rows
-        if bonds:
-            arrays["bond_intact"] = bonds.intact.to_numpy()
+        if self.sim.spec.bonds > 0:
+            arrays["bond_intact"] = self.sim.bonds.intact.to_numpy()
         self.grains.append(time, arrays)
 
     def _snapshot_of_stop(self) -> None:

@@ -1,6 +1,6 @@
 """A table of all contacts at one instant: who touches whom, where, and with what force."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,6 +8,9 @@ from ..contact.pair_storage import ACTING, PART_BASE, SLIDING, TOUCHING
 from ..core.rotation import rotate
 from ..core.runtime import ti
 from ..core.schema import Variable
+
+if TYPE_CHECKING:
+    from ..stepping.contact_forces import ContactForces
 
 CONTACT_ROWS = (
     Variable("first_id", ("contact",), "i32", "1", "persistent id of the first grain"),
@@ -24,25 +27,27 @@ CONTACT_ROWS = (
 )
 INTEGERS = [v.name for v in CONTACT_ROWS if v.dtype == "i32"]
 REALS = [v.name for v in CONTACT_ROWS if v.dtype == "f64"]
+FIRST_ID, SECOND_ID, FIRST_PART, SECOND_PART, SLIDES, IS_BOND = (  # columns of the integers that `write` fills
+    INTEGERS.index(name) for name in ("first_id", "second_id", "first_part", "second_part", "sliding", "bonded")
+)
 
 
 @ti.data_oriented
 class ContactTable:
     """Reads the contacts of a simulation without changing its state. Compiled when `rows` is first called."""
 
-    def __init__(self, forces):
+    def __init__(self, forces: "ContactForces") -> None:
         self.forces, self.grains, self.pairs, self.dim = forces, forces.grains, forces.pairs, forces.dim
-        self.bonds, self.bonded = forces.bonds, forces.bonds is not None
-        self.walls, self.walled = forces.walls, forces.walls is not None
+        self.spec, self.bonds, self.walls = forces.spec, forces.bonds, forces.walls
 
     def count(self) -> int:
         """Number of rows: contacts of grains with grains and with walls, and intact bonds."""
         n, acting = len(self.grains), TOUCHING | ACTING
         listed = int(self.pairs.row_start.to_numpy()[n])
         total = np.count_nonzero(self.pairs.status.to_numpy()[:listed] & acting)
-        if self.walled:
+        if self.spec.walls > 0:
             total += np.count_nonzero(self.walls.row_status.to_numpy()[: n * self.walls.count] & acting)
-        if self.bonded:
+        if self.spec.bonds > 0:
             total += np.count_nonzero(self.bonds.intact.to_numpy())
         return int(total)
 
@@ -55,7 +60,7 @@ class ContactTable:
         integers = np.zeros((max(total, 1), len(INTEGERS)), np.int32)  # Taichi takes no empty array
         reals = np.zeros((max(total, 1), 4 * self.dim + 1))
         self.write(integers, reals)
-        columns: dict[str, Any] = dict(zip(INTEGERS, integers[:total].T, strict=True))
+        columns: dict[str, np.ndarray] = dict(zip(INTEGERS, integers[:total].T, strict=True))
         columns |= {name: reals[:total, i * self.dim : (i + 1) * self.dim] for i, name in enumerate(REALS[:4])}
         columns["overlap"] = reals[:total, -1]
         order = np.lexsort([columns[name] for name in ("second_part", "first_part", "second_id", "first_id")])
@@ -73,12 +78,12 @@ class ContactTable:
                     if pairs.status[s] & (TOUCHING | ACTING):
                         self.write_pair(row, k, s, integers, reals)
                         row += 1
-                if ti.static(self.walled):
+                if ti.static(self.spec.walls > 0):
                     for w in range(self.walls.count):
                         if self.walls.row_status[g.id[k] * self.walls.count + w] & (TOUCHING | ACTING):
                             self.write_wall(row, k, w, integers, reals)
                             row += 1
-            if ti.static(self.bonded):
+            if ti.static(self.spec.bonds > 0):
                 for b in range(self.bonds.count):
                     if self.bonds.intact[b] == 1:
                         self.write_bond(row, b, integers, reals)
@@ -92,14 +97,14 @@ class ContactTable:
         d = self.forces.geometry.shortest(k, l)
         features, last_normal = self.forces.geometry.remembered(s)
         depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
-        if ti.static(pairs.spec.remembers_features):  # a second search from its own result would change the last bits
+        if ti.static(self.spec.remembers_features):  # a second search from its own result would change the last bits
             pairs.feature[s] = features
-        if ti.static(pairs.spec.remembers_normal):
+        if ti.static(self.spec.remembers_normal):
             pairs.normal[s] = last_normal
         code = pairs.code(s)
         self.write_integers(row, g.id[k], g.id[l], integers)
-        integers[row, 2], integers[row, 3] = code // PART_BASE, code % PART_BASE
-        integers[row, 4] = ti.select(pairs.status[s] & SLIDING, 1, 0)
+        integers[row, FIRST_PART], integers[row, SECOND_PART] = code // PART_BASE, code % PART_BASE
+        integers[row, SLIDES] = ti.select(pairs.status[s] & SLIDING, 1, 0)
         self.write_reals(row, g.position[k], arm_k, n, d, pairs.pair_force[s], depth, reals)
 
     @ti.func
@@ -109,7 +114,7 @@ class ContactTable:
         r = g.id[k] * walls.count + w
         contact, depth, arm, feature = walls.contact(self.forces, k, w, 0.0)
         self.write_integers(row, g.id[k], -1 - w, integers)
-        integers[row, 4] = ti.select(walls.row_status[r] & SLIDING, 1, 0)
+        integers[row, SLIDES] = ti.select(walls.row_status[r] & SLIDING, 1, 0)
         self.write_reals(row, g.position[k], arm, contact.normal, arm, walls.row_force[r], depth, reals)
 
     @ti.func
@@ -120,15 +125,15 @@ class ContactTable:
         d = bonds.domain.displacement(g.position[k], g.position[l])
         arm_k = rotate(g.orientation[k], bonds.anchor_first[b])
         self.write_integers(row, bonds.first_id[b], bonds.second_id[b], integers)
-        integers[row, 5] = 1
+        integers[row, IS_BOND] = 1
         self.write_reals(row, g.position[k], arm_k, d / d.norm(), d, bonds.force[b], ti.math.nan, reals)
 
     @ti.func
     def write_integers(self, row, first_id, second_id, integers: ti.template()):
         """Ids of both grains; everything else is zero until it is written."""
-        integers[row, 0], integers[row, 1] = first_id, second_id
-        for c in ti.static(range(2, len(INTEGERS))):
+        for c in ti.static(range(len(INTEGERS))):
             integers[row, c] = 0
+        integers[row, FIRST_ID], integers[row, SECOND_ID] = first_id, second_id
 
     @ti.func
     def write_reals(self, row, centre, arm, normal, branch, force, depth, reals: ti.template()):

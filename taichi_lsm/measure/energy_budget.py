@@ -1,8 +1,13 @@
 """The closed energy budget of a simulation at one instant."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from ..simulation import Simulation
 
 
 class Energies(NamedTuple):
@@ -23,17 +28,19 @@ class Energies(NamedTuple):
         return f"Energies({terms}; balance {self.balance:.6g} J)"
 
     @property
-    def stored(self):
+    def stored(self) -> float:
         """Energy in the grains and platens [J]."""
         return self.kinetic + self.elastic + self.potential
 
     @property
-    def balance(self):
+    def balance(self) -> float:
         """Stored and dissipated energy less work [J]: constant while the budget is closed."""
         return self.stored + self.dissipated - self.work
 
 
-def energies(sim, sums=None, platens=None) -> Energies:
+def energies(
+    sim: "Simulation", sums: Mapping[str, Any] | None = None, platens: Mapping[str, NDArray] | None = None
+) -> Energies:
     """Energies of a simulation now.
 
     Parameters
@@ -54,11 +61,11 @@ def energies(sim, sums=None, platens=None) -> Energies:
     dissipated = sum(value for name, value in sums.items() if name.startswith("dissipated_"))
     work = sums.get("shear_work", 0.0)
     if sim.platens:
-        platens = sim.platens.snapshot() if platens is None else platens
+        now = sim.platens.snapshot() if platens is None else platens
         mass = np.array([sim.platens.mass[p] for p in range(sim.platens.count)])
-        kinetic += 0.5 * float((mass * platens["velocity"] ** 2).sum())
-        dissipated += float(platens["dissipated"].sum())
-        work += float(platens["work"].sum())
+        kinetic += 0.5 * float((mass * now["velocity"] ** 2).sum())
+        dissipated += float(now["dissipated"].sum())
+        work += float(now["work"].sum())
     if sim.walls:
         work += float(sum(sim.walls.work[w] for w in range(sim.walls.count)))
     return Energies(kinetic, sums["elastic_energy"], sums["potential_energy"], dissipated, work)

@@ -1,9 +1,13 @@
 """Where the time of a run went: what the host did, and the stages of a step timed one by one."""
 
 import time
+from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
 from ..core.runtime import ti
+
+if TYPE_CHECKING:
+    from ..simulation import Simulation
 
 REPEATS = 20  # of a stage per launch
 TURNS = 5  # launches of each stage, in turn; the medians count
@@ -17,7 +21,7 @@ class StageTimer:
     be continued afterwards.
     """
 
-    def __init__(self, sim):
+    def __init__(self, sim: "Simulation") -> None:
         self.forces, self.integrator, self.grains = sim.forces, sim.integrator, sim.grains
         self.stages, self.platens, self.loop, self.spec = sim.stages, sim.platens, sim.step_loop, sim.spec
 
@@ -47,7 +51,7 @@ class StageTimer:
             if ti.static(self.spec.platens > 0):
                 self.platens.gather(self.forces, 1.0)
 
-    def seconds(self):
+    def seconds(self) -> dict[str, float]:
         """Time of each stage once [s]: {name: seconds}."""
         dt = self.integrator.dt[None]
         self.integrator.dt[None] = 0.0
@@ -68,11 +72,24 @@ class StageTimer:
         return {name: sorted(values)[TURNS // 2] for name, values in taken.items()}
 
 
-def runtime_profile(sim):
-    """Where the time of a run went, as rows (what, share of all seconds, nanoseconds per grain and step).
+def runtime_profile(sim: "Simulation") -> list[tuple[str, float, float]]:
+    """Where the time of a run went.
 
-    Indented rows are the stages of a step. They are timed once more, one by one and in one thread, at the end of the
-    run, whose state should not be used afterwards. Raises InputError if no step was made.
+    Parameters
+    ----------
+    sim : Simulation
+        A simulation that has run. Its state should not be used afterwards: the stages of a step are timed once more,
+        one by one and in one thread.
+
+    Returns
+    -------
+    list of tuple
+        Rows (what, share of all seconds [1], time per grain and step [ns]); indented rows are the stages of a step.
+
+    Raises
+    ------
+    InputError
+        If no step was made.
     """
     grain_steps = sim.step * len(sim)
     total = sum(sim.seconds.values())
@@ -89,7 +106,7 @@ def runtime_profile(sim):
     return rows
 
 
-def runtime_profile_text(sim):
+def runtime_profile_text(sim: "Simulation") -> str:
     """`runtime_profile` as a table, with the sizes that explain it: grains, steps, rebuilds, pairs, bytes of a pair."""
     pairs = int(sim.pairs.row_start.to_numpy()[len(sim)])
     lines = [

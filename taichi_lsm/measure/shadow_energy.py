@@ -1,11 +1,16 @@
 """The energy that Verlet's discrete motion really keeps, to second order in the step."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..contact.pair_storage import TOUCHING
 from ..core.errors import InputError
 from ..core.rotation import advanced_orientation, free_rotor
 from ..core.runtime import ti
+
+if TYPE_CHECKING:
+    from ..simulation import Simulation
 
 FLIGHT = 0.01  # of the step: how far the grains fly to measure the second rate of the elastic energy
 
@@ -20,7 +25,7 @@ class ShadowEnergy:
     does is the true drift. Velocities are synchronised; conservative scenes only. Sums go by rising id.
     """
 
-    def __init__(self, sim):
+    def __init__(self, sim: "Simulation") -> None:
         if sim.walls or sim.spec.sheared:
             raise InputError("ShadowEnergy: knows neither walls nor a sheared cell, but the scene has them")
         self.forces, self.integrator, self.grains, self.pairs = sim.forces, sim.integrator, sim.grains, sim.pairs
@@ -83,7 +88,7 @@ class ShadowEnergy:
                     for effect in ti.static(self.forces.springs):
                         self.term[k] += weight * effect.contact_energy(contact, 0)
 
-    def correction(self):
+    def correction(self) -> float:
         """What to add to the energy [J]. Leaves the simulation as it was, the features of its contacts included."""
         dt = float(self.integrator.dt[None])
         h = FLIGHT * dt

@@ -3,10 +3,16 @@
 Grains are summed in blocks of consecutive ids, blocks one after the other: the bits do not depend on threads.
 """
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from ..contact.pair_storage import ACTING, SLIDING, TOUCHING
 from ..core.runtime import current, ti
+
+if TYPE_CHECKING:
+    from ..stepping.contact_forces import ContactForces
+    from ..stepping.verlet import VelocityVerlet
 
 BLOCK = 64
 EVERYWHERE = 1e300  # [m], a slab without bounds; infinity times a gradient of zero would be no number
@@ -26,7 +32,7 @@ class Measure:
     shearing has done: its change is -shear_rate sigma_xy V over the time.
     """
 
-    def __init__(self, forces, integrator):
+    def __init__(self, forces: "ContactForces", integrator: "VelocityVerlet") -> None:
         self.forces, self.integrator, self.spec = forces, integrator, forces.spec
         self.grains, self.pairs, self.dim = forces.grains, forces.pairs, forces.dim
         self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
@@ -194,7 +200,14 @@ class Measure:
                 result[c] += self.block_sum[block][c]
             result[self.width] = ti.max(result[self.width], self.block_deepest[block])
 
-    def sums(self, low=-EVERYWHERE, high=EVERYWHERE, volume=1.0, velocity=0.0, gradient=0.0):
+    def sums(
+        self,
+        low: float = -EVERYWHERE,
+        high: float = EVERYWHERE,
+        volume: float = 1.0,
+        velocity: float = 0.0,
+        gradient: float = 0.0,
+    ) -> dict[str, Any]:
         """Measure now; see the class docstring.
 
         Stress is taken over low <= y < high [m], volume [m3], where the mean velocity along x is

@@ -1,8 +1,13 @@
 """Velocities of the grains at the time of their positions."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..core.runtime import current, ti
+
+if TYPE_CHECKING:
+    from ..stepping.verlet import VelocityVerlet
 
 
 @ti.data_oriented
@@ -12,7 +17,7 @@ class SynchronisedVelocities:
     The state stays as it is. Compiled when `values` is first called.
     """
 
-    def __init__(self, integrator):
+    def __init__(self, integrator: "VelocityVerlet") -> None:
         self.integrator, self.grains, self.serial = integrator, integrator.grains, current().serial
 
     def values(self) -> np.ndarray:

@@ -15,8 +15,11 @@ from .grain_state import grain_variables
 class KernelSpec:
     """Facts of a scene, handed down to everything that allocates fields or compiles kernels.
 
-    Two scenes of equal KernelSpec share their compiled kernels (`Simulation.reset`). A kernel asks for a fact by its
-    name (`ti.static(spec.rotates)`); nothing is inferred from which fields happen to exist.
+    A kernel asks for a fact by its name (`ti.static(spec.rotates)`); nothing is inferred from which fields happen to
+    exist. Two scenes of equal KernelSpec share their compiled kernels, and `Simulation.reset` loads one into the
+    simulation of the other under three more conditions: there are no platens, plane walls have the same names, and the
+    table of shapes fits into that of the scene that was compiled. Whether threads are shared (`Scene.parallel`) stays
+    as it was.
 
     Attributes
     ----------
