@@ -162,12 +162,12 @@ def _memory(sim: Simulation) -> Node:
     """Bytes of the fields of the grains and of the neighbour list, which are nearly all of a large run."""
     per_grain = bytes_per_row(sim.grains.variables.values(), sim.grains.sizes)
     per_pair = sim.pairs.bytes_per_pair()
-    room = sim.grains.slot_of.shape[0]
+    capacity = sim.grains.slot_of.shape[0]
     rows = (
-        Node("grains", f"room for {room}, {per_grain} bytes each"),
+        Node("grains", f"room for {capacity}, {per_grain} bytes each"),
         Node("neighbour list", f"room for {sim.pairs.capacity} pairs, {per_pair} bytes each"),
     )
-    return Node("memory", f"{(room * per_grain + sim.pairs.capacity * per_pair) / 2**20:.3g} MiB", rows)
+    return Node("memory", f"{(capacity * per_grain + sim.pairs.capacity * per_pair) / 2**20:.3g} MiB", rows)
 
 
 def _counted(number: int, noun: str) -> str:
