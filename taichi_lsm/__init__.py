@@ -132,7 +132,7 @@ __all__ = sorted(["__version__", *_NAMESPACES, *_HOME, *_SHORTCUTS])
 
 if not TYPE_CHECKING:  # else type checkers would take any name for granted
 
-    def __getattr__(name):
+    def __getattr__(name: str) -> object:
         if name in _NAMESPACES:
             return importlib.import_module(f".{_NAMESPACES[name]}", __name__)
         home = _HOME.get(name) or _SHORTCUTS.get(name)
@@ -141,5 +141,5 @@ if not TYPE_CHECKING:  # else type checkers would take any name for granted
         return getattr(importlib.import_module(f".{home}", __name__), name)
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return __all__

@@ -146,7 +146,7 @@ class Scene:
     parallel: bool | None = None
     guards: Guards = field(default_factory=Guards)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.position = float_array("position", self.position)
         n = len(self.position) if self.position.ndim else 0
         if n == 0:
@@ -168,14 +168,14 @@ class Scene:
         self.skin = SKIN * float(np.mean(self.diameter)) if self.skin is DERIVED else self.skin
         check_scene(self)
 
-    def _complete_cell_and_shapes(self):
+    def _complete_cell_and_shapes(self) -> None:
         """Fill in an open cell and one round shape where none are given."""
         self.lengths = (np.inf,) * self.dim if self.lengths is DERIVED else self.lengths
         self.periodic = (False,) * self.dim if self.periodic is DERIVED else self.periodic
         if self.shapes is DERIVED:
             self.shapes = [disc() if self.dim == 2 else sphere()]
 
-    def _complete_orientation(self, n: int):
+    def _complete_orientation(self, n: int) -> None:
         """Fill in one description of the orientations: angles in 2D, unit quaternions in 3D."""
         check_orientation(self)
         if self.dim == 2:

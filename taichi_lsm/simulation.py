@@ -373,7 +373,7 @@ class Simulation:
         with self.clock("guards"):
             self.monitor.check()
 
-    def _save_stopped(self, error):
+    def _save_stopped(self, error: SimulationError) -> None:
         """Add to the error what was saved of the run."""
         if self._folder is not None:
             save_checkpoint(self, self._folder / STOPPED)

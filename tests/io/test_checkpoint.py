@@ -184,7 +184,7 @@ def test_only_a_file_of_this_run_is_its_last_good_state(saved, tmp_path):
     sim = scenes.simulate(scenes.scene([(0.0, 0.0), (0.99, 0.0)], scenes.frictional()))
 
     def saved_at_a_stop():
-        sim.state.velocity.fill(np.nan)
+        sim.state.velocity.from_numpy(np.full((2, 2), np.nan))
         with pytest.raises(lsm.SimulationError) as stopped:
             sim.run(10)
         return [path.name for path in stopped.value.saved]
