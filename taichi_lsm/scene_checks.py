@@ -166,7 +166,7 @@ def _check_effects(scene: Scene) -> None:
     for role in sorted({e.role for e in scene.effects if e.role}):
         same = [e.name for e in scene.effects if e.role == role]
         if len(same) > 1:
-            raise InputError(f"Scene.effects: {same} are all for {role}, one of them may be listed")
+            raise InputError(f"Scene.effects: {same} are all effects of {role}, one may be listed")
     lossy = [e.name for e in scene.effects if e.dissipates]
     if scene.integrator.conservative and lossy:
         raise InputError(f"Scene.integrator: {scene.integrator.__name__} is for scenes without losses, not {lossy}")
