@@ -216,6 +216,12 @@ class Scene:
         """Length `attribute` of the shapes, scaled to every grain (n,) [m]."""
         return np.array([getattr(g, attribute) for g in self.shapes])[self.shape_index] * self.diameter
 
+    def platen_area(self) -> float:
+        """Area over which the stress of a platen is taken [m2]: `area` if it is given, else that of the cell."""
+        if self.area is not None:
+            return self.area
+        return self.lengths[0] * (self.thickness if self.dim == 2 else self.lengths[2])
+
     def reach(self) -> float:
         """Greatest distance of two surfaces [m] at which an effect acts."""
         return max((e.reach() for e in self.effects), default=0.0)

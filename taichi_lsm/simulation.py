@@ -47,8 +47,7 @@ PAIRS_PER_GRAIN = {2: 2.8, 3: 3.8}  # capacity at the start: what a dense packin
 SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres overlap
 MANY = 20_000  # grains; for more memory matters, for fewer a list that need not grow, as each growth compiles anew
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
-# Before the first `compose`; typed Any, so that the attributes are declared as what they hold from then on.
-NOT_COMPOSED: Any = None
+NOT_COMPOSED: Any = None  # before the first `compose`; Any, so that attributes are typed as what they hold afterwards
 LAST_GOOD, STOPPED = "checkpoint.nc", "stopped.nc"
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
@@ -80,8 +79,8 @@ class Simulation:
         self.launches = 0
         self.seconds = {}  # by what the run was doing
         self._folder: Path | None = None  # of checkpoints
-        self._keep_seconds, self._kept = np.inf, 0.0  # their distance and the time of the last one, in wall clock
         self._last_good: Path | None = None  # the last one of this run
+        self._keep_seconds, self._kept = np.inf, 0.0  # interval of them and time of the last one, in wall clock
         self.monitor: Monitor = NOT_COMPOSED
         self.integrator: VelocityVerlet = NOT_COMPOSED
         shared = len(scene.position) > SERIAL_LIMIT if scene.parallel is None else scene.parallel
@@ -116,7 +115,7 @@ class Simulation:
             self.bonds = Bonds(spec, scene, bond_effect(self.effects), self.grains, self.domain)
         if spec.platens:
             mass, _ = scene.masses()
-            self.platens = Platens(scene.platens, self.grains, self._area(), scene.platen_index, mass, self._dt)
+            self.platens = Platens(scene.platens, self.grains, scene.platen_area(), scene.platen_index, mass, self._dt)
         if spec.walls:
             self.walls = Walls(spec, scene.walls, self.grains)
         reach = self.skin + scene.reach()
@@ -230,12 +229,6 @@ class Simulation:
         self.search.set_skin(skin + self.scene.reach())
         self.validity.set_skin(skin)
 
-    def _area(self):
-        if self.scene.area is not None:
-            return self.scene.area
-        lengths = self.scene.lengths
-        return lengths[0] * (self.scene.thickness if self.scene.dim == 2 else lengths[2])
-
     def _load_scene(self):
         """Write the state of the scene."""
         scene, state, spec = self.scene, self.state, self.spec
@@ -335,8 +328,7 @@ class Simulation:
     def keep_checkpoints(self, folder: str | Path, seconds: float = 60.0) -> None:
         """Keep the last good state in `folder`: checkpoint.nc, every so many seconds of wall clock if no guard objects.
 
-        A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads both. A file of an
-        earlier run in the folder is replaced at the first occasion and is never taken for the state of this one.
+        A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads both.
         """
         self._folder, self._last_good = Path(folder), None
         self._keep_seconds, self._kept = seconds, time.monotonic()
