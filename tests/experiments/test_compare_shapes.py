@@ -59,6 +59,7 @@ def compared(runtime, tmp_path_factory):
     return out, compare_shapes.run(params, out, progress=reports.append), reports
 
 
+@pytest.mark.validate
 def test_every_run_is_in_the_table(compared):
     out, table, reports = compared
     assert list(table["shape"].values) == ["sphere"] * 2 + ["angular"] * 2
@@ -73,6 +74,7 @@ def test_every_run_is_in_the_table(compared):
     assert np.all(table.friction_mean > 0.05) and np.all(table.energy_residual < 0.01)
 
 
+@pytest.mark.validate
 def test_files_are_there_and_every_variable_is_described(compared):
     out, _, _ = compared
     written = {p.name for p in out.iterdir()}
@@ -88,6 +90,7 @@ def test_files_are_there_and_every_variable_is_described(compared):
             assert variable.attrs.get("units") or variable.dtype.kind in "UO", name
 
 
+@pytest.mark.validate
 def test_the_replica_is_the_unit_of_the_errors(compared):
     out, table, _ = compared
     metrics = json.loads((out / "summary.json").read_text())["metrics"]
@@ -105,6 +108,7 @@ def test_the_replica_is_the_unit_of_the_errors(compared):
     assert set(compare_shapes.WORST.values()) <= set(shear_gouge.BOUNDS)
 
 
+@pytest.mark.validate
 def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compared, pictures):
     out, table, _ = compared
     run_plots.plot_comparison(out)
@@ -123,12 +127,14 @@ def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compar
     assert all(axes.collections for axes in (round_layer, angular_layer))
 
 
+@pytest.mark.validate
 def test_the_printed_table_has_a_line_per_run(compared):
     lines = compare_shapes.table_text(compared[1]).splitlines()
     assert len(lines) == 5
     assert lines[1].split()[:3] == ["sphere", "1", "complete"]
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("survivors", [("sphere-1", "angular-1"), ("sphere-1",), ()])
 def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivors):
     done, table, _ = compared
@@ -152,6 +158,7 @@ def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivo
     assert (tmp_path / "friction.png").exists()
 
 
+@pytest.mark.validate
 def test_an_interrupted_comparison_keeps_its_complete_runs(compared, tmp_path, monkeypatch):
     done, table, _ = compared
 

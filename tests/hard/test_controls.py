@@ -38,7 +38,7 @@ def without(bench):
     bench.off = {}
 
 
-@pytest.mark.parametrize("guard", GUARDS)
+@pytest.mark.parametrize("guard", [pytest.param(g, marks=[pytest.mark.validate] * (g == "energy")) for g in GUARDS])
 def test_without_its_guard_a_case_fails(without, guard):
     case = case_of("steps", GUARDS[guard])
     assert case.run(without(guard)) > 2.0 * case.bound_in(scenes.PRECISION)

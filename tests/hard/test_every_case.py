@@ -6,16 +6,28 @@ from tests.helpers import scenes
 from workflows import hard
 
 EXPENSIVE = {  # to compile or to run: `make validate` runs them
+    "any_list",
+    "brushing_edges",
     "creep_of_the_friction",
     "creep_of_the_thickness",
+    "elastic_impacts",
+    "far_from_the_origin",
     "gas_of_stars",
+    "grazing_seams",
+    "into_a_notch",
+    "jammed_column_rests",
+    "momentum_of_the_pieces",
     "needles_in_a_crowd",
     "orientations_stay_unit",
     "polydisperse_shear",
     "random_angular",
+    "rolling_to_rest",
+    "sizes_of_grains",
+    "spread_in_open_space",
     "stack_at_rest",
     "static_above_dynamic",
     "tiny_cycles",
+    "velocity_jump",
 }
 CASES = {case.name: (kind, case) for kind in hard.modules() for case in hard.cases_of(kind)}
 RUNS = [

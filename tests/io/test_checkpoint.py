@@ -90,7 +90,7 @@ def check_refused(saved, path, reason):
     assert digest(sim) == before
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", ["layer", pytest.param("arcs", marks=pytest.mark.validate)])
 def test_a_restored_run_gives_the_same_bits(saved, tmp_path, name):
     file = tmp_path / "checkpoint.nc"
     first = scenes.simulate(SCENES[name]())

@@ -9,6 +9,7 @@ from tests.helpers import scenes
 K = 1e6
 
 
+@pytest.mark.validate
 def test_reading_the_contacts_of_polyhedra_leaves_the_run_as_it_is(runtime):
     """The next search starts from the features and the normal that the last one found: to the last bit."""
     rng = np.random.default_rng(1)

@@ -52,7 +52,7 @@ def test_profile_without_a_step_is_refused(reference_packing):
         lsm.runtime_profile(sim)
 
 
-@pytest.mark.parametrize("name", ["frictional_discs", "elastic_arcs"])
+@pytest.mark.parametrize("name", ["frictional_discs", pytest.param("elastic_arcs", marks=pytest.mark.validate)])
 def test_a_thread_per_grain_gives_the_same_bits(reference_packing, name):
     """What a GPU runs: a launch for each stage and a thread for each grain."""
     sim = reference_packing(name)

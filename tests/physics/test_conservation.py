@@ -36,7 +36,7 @@ def drift(sim, columns, dt, duration, samples):
     return worst
 
 
-@pytest.mark.parametrize("name", ["elastic_discs", "elastic_arcs"])
+@pytest.mark.parametrize("name", ["elastic_discs", pytest.param("elastic_arcs", marks=pytest.mark.validate)])
 def test_energy_drift_falls_as_the_square_of_the_step(reference_packing, name):
     sim = reference_packing(name)
     contact_time = np.pi * np.sqrt(sim.scene.masses()[0].mean() / (2 * scenes.STIFFNESS))

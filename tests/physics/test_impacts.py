@@ -16,7 +16,10 @@ from tests.helpers import scenes
 WALL = 50.0  # diameter of the wall's sphere
 MU, E, V = 0.3, 0.8, 1.0
 STIFFNESS = 1e6
-pytestmark = pytest.mark.skipif(scenes.PRECISION == "f32", reason="velocities to 1e-9 need f64")
+pytestmark = [
+    pytest.mark.validate,  # grains of up to 240 faces compile for half a minute
+    pytest.mark.skipif(scenes.PRECISION == "f32", reason="velocities to 1e-9 need f64"),
+]
 
 FACES = (12, 60, 240)
 SHAPES = {"sphere": lsm.sphere, "1 face": lambda: lsm.shapes.ball_of_faces(1)}

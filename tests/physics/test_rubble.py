@@ -77,6 +77,7 @@ def test_the_bits_do_not_depend_on_the_launches_or_on_the_list(rubble):
     assert different(bonds_run.digest(rubble), reference) == []
 
 
+@pytest.mark.validate
 def test_threads_and_a_checkpoint_of_broken_aggregates_change_no_bit(rubble, tmp_path):
     """Two threads in a process of their own: from the start, and from the checkpoint that one thread has left."""
     rubble.reset(bonds_run.rubble())

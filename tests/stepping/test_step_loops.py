@@ -68,7 +68,10 @@ def everything(sim):
     return columns | sim.measure.sums()
 
 
-@pytest.mark.parametrize("make", [arcs_between_platens_and_walls, sheared_discs])
+LONG = pytest.param(arcs_between_platens_and_walls, marks=pytest.mark.validate)  # compiles for long
+
+
+@pytest.mark.parametrize("make", [LONG, sheared_discs])
 def test_both_step_loops_give_the_same_bits(runtime, make):
     sim = scenes.simulate(make())
     assert sim.spec.onset and sim.spec.has_boundaries
