@@ -22,7 +22,7 @@ test: .venv/.installed-dev
 	$(BIN)/python -m pytest
 
 validate: .venv/.installed-dev
-	$(BIN)/python -m pytest -m validate
+	TI_ADVANCED_OPTIMIZATION=1 $(BIN)/python -m pytest -m validate
 
 bench: .venv/.installed
 	$(BIN)/python -m benchmarks.all --install-lammps

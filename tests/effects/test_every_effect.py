@@ -83,6 +83,7 @@ class Bench:
         self.has_energy = hasattr(type(effect), "contact_energy")
         for name, field in self.io.items():
             setattr(self, name, field)
+        self.energy.fill(0.0)  # not written by an effect without an energy, but perhaps by the one before
 
     @ti.kernel
     def launch(self):
