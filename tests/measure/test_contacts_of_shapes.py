@@ -35,6 +35,7 @@ def test_reading_the_contacts_of_polyhedra_leaves_the_run_as_it_is(runtime):
     assert all(np.array_equal(a, b) for a, b in zip(*ends))
 
 
+@pytest.mark.validate
 def test_parts_of_crosses_that_touch_are_named(runtime):
     """Bar 0 of a cross lies along x and bar 1 along y; the last cross is turned by a right angle."""
     cross, apart, closer = lsm.shapes.crossed_bars(), 1.2, 0.01

@@ -21,6 +21,7 @@ def packed_discs(shapes, shape, count=200):
     )
 
 
+@pytest.mark.validate
 def test_disc_cut_into_8_or_30_arcs_moves_like_the_disc(runtime):
     plain = scenes.simulate(packed_discs([lsm.disc()], 0))
     kinds = [lsm.disc(), lsm.shapes.regular_disc_of_arcs(8), lsm.shapes.regular_disc_of_arcs(30)]

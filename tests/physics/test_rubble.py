@@ -12,6 +12,8 @@ from tests.helpers.processes import run_module
 
 STEPS = 3000
 
+pytestmark = pytest.mark.validate  # compiles and runs for long; test_bond_network has the small forms
+
 
 @pytest.fixture(scope="module")
 def rubble(runtime):
@@ -77,7 +79,6 @@ def test_the_bits_do_not_depend_on_the_launches_or_on_the_list(rubble):
     assert different(bonds_run.digest(rubble), reference) == []
 
 
-@pytest.mark.validate
 def test_threads_and_a_checkpoint_of_broken_aggregates_change_no_bit(rubble, tmp_path):
     """Two threads in a process of their own: from the start, and from the checkpoint that one thread has left."""
     rubble.reset(bonds_run.rubble())

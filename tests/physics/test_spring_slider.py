@@ -116,6 +116,7 @@ def test_stick_slip_drops_the_force_by_twice_the_difference(rides):
     assert work == pytest.approx(PULL * np.trapezoid([start, *force], dx=CHUNK * sim.dt) - held, rel=5e-3)
 
 
+@pytest.mark.validate
 def test_rate_and_state_slips_steadily_only_on_a_stiff_spring(rides):
     d_c, v_0 = 0.05, 0.005
     sim = rides(lsm.effects.RateAndStateFriction(MU_0, A, B, d_c, v_0, 0.5 * K))
