@@ -23,8 +23,8 @@ from _pytest.runner import runtestprotocol
 import taichi_lsm as lsm
 from tests.helpers import scenes
 
-# Tests compile far longer than they run. Without Taichi's costliest passes kernels compile in 60 % of the time and give
-# the same bits (`TI_ADVANCED_OPTIMIZATION=0 python -m benchmarks.digest`); `make validate` runs with all passes.
+# Tests compile longer than they run. Without the costliest passes of Taichi kernels compile sooner, to the same bits
+# (`TI_ADVANCED_OPTIMIZATION=0 python -m benchmarks.digest`); `make validate` runs with all passes.
 os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
 
 MOST_NODES = 1024

@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-from ..contact.pair_storage import pair_variables
 from ..contact.surface_kinds import kind_of
-from ..core.schema import Variable
 from ..effects.base import ON_CONTACTS
 from .effect_set import energy_channels
-from .grain_state import grain_variables
 
 
 @dataclass(frozen=True)
@@ -115,11 +112,3 @@ class KernelSpec:
     def has_boundaries(self) -> bool:
         """Whether something other than grains moves in a step: platens, plane walls or the sheared cell."""
         return self.platens > 0 or self.walls > 0 or self.sheared
-
-    def grain_rows(self) -> list[Variable]:
-        """Schema rows of the grain state."""
-        return grain_variables(self)
-
-    def pair_rows(self) -> list[Variable]:
-        """Schema rows of a slot of the neighbour list."""
-        return pair_variables(self)

@@ -5,8 +5,10 @@ import pytest
 
 import taichi_lsm as lsm
 from taichi_lsm.contact.contact_block import contact_block_type
+from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.fields import bytes_per_row, orientation_size, rotation_size
 from taichi_lsm.effects import find_effects
+from taichi_lsm.stepping.grain_state import grain_variables
 from taichi_lsm.stepping.kernel_spec import KernelSpec
 from tests.helpers import scenes
 
@@ -35,7 +37,7 @@ def rows(effects, dim, **more):
     made = KernelSpec.of(scene)
     sizes = {"space": dim, "rotation": rotation_size(dim), "orientation": orientation_size(dim), "two": 2}
     sizes |= {"channel": made.channels, "history": made.history}
-    tables = {"grain": made.grain_rows(), "pair": made.pair_rows()}
+    tables = {"grain": grain_variables(made), "pair": pair_variables(made)}
     return {(table, row.name): bytes_per_row([row], sizes) for table, found in tables.items() for row in found}
 
 
