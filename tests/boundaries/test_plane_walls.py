@@ -230,6 +230,15 @@ def test_bits_do_not_depend_on_threads(tmp_path):
     assert digests[0]["work"][3] > 0.0
 
 
+def test_reset_refuses_walls_of_other_names_and_changes_nothing(discs):
+    scene, before = discs.scene, state(discs)
+    other = box_of_discs()
+    other.walls = [lsm.PlaneWall(f"other {wall.name}", wall.point, wall.normal) for wall in BOX]
+    with pytest.raises(lsm.InputError, match=r"Simulation.reset: walls .*'other"):
+        discs.reset(other)
+    assert discs.scene is scene and same(before, state(discs)) == []
+
+
 def test_walls_that_make_no_sense_are_refused():
     def walls(*given, **more):
         effects = more.pop("effects", effects_of((0.0, -G)))

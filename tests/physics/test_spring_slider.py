@@ -149,3 +149,8 @@ def test_springs_that_make_no_sense_are_refused(rides):
     ):
         with pytest.raises(lsm.InputError, match=message):
             sim.platens.set("slider", 0, drive)
+    sim.platens.set("slider", 0, lsm.SpringLoadPoint(PULL, SPRING, INERTIA))
+    dt = sim.dt
+    with pytest.raises(lsm.InputError, match=r"stiffness = .*must be <= inertia/dt"):  # as against a longer step
+        sim.set_time_step(1.1 * np.sqrt(INERTIA / SPRING))
+    assert sim.dt == sim.platens.dt == sim.integrator.dt[None] == dt

@@ -46,6 +46,20 @@ def test_the_bits_do_not_depend_on_launches_or_on_the_list(discs):
         assert np.array_equal(position, results[0][1]) and energy == results[0][2]
 
 
+@pytest.mark.parametrize("steps", [61, 62])
+def test_a_checkpoint_goes_on_with_the_right_one_of_three_steps(discs, tmp_path, steps):
+    sim = discs
+    sim.reset(oscillating(PERIOD / 60))
+    sim.run(steps)
+    lsm.save_checkpoint(sim, tmp_path / "state.nc")
+    sim.run(20)
+    reference = sim.state.position.to_numpy()
+    sim.reset(oscillating(PERIOD / 60))  # at the first of three
+    lsm.restore_checkpoint(sim, tmp_path / "state.nc")
+    sim.run(20)
+    assert np.array_equal(sim.state.position.to_numpy(), reference)
+
+
 def test_scenes_with_losses_are_refused():
     with pytest.raises(lsm.InputError, match=r"ForestRuth is for scenes without losses, not .*coulomb_friction"):
         scenes.scene([[0, 0], [1, 0]], scenes.frictional(), integrator=lsm.ForestRuth)
