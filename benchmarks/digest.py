@@ -7,7 +7,9 @@ cell, and a layer under a servo, pulled by a load point.
 """
 
 import argparse
+import functools
 import hashlib
+import multiprocessing
 
 import numpy as np
 
@@ -101,8 +103,11 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=2000, help="steps after which positions are read")
     parser.add_argument("--scenes", nargs="+", default=TAGS, help="of TAGS, or tags as in scenes.declared")
     args = parser.parse_args()
-    for tag in args.scenes:
-        print(f"{tag} {args.steps} {digest(tag, args.steps)}", flush=True)
+    # A process of its own for each scene: together their fields overflow Taichi's table of nodes.
+    with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as pool:
+        digests = pool.imap(functools.partial(digest, steps=args.steps), args.scenes, chunksize=1)
+        for tag, text in zip(args.scenes, digests, strict=True):
+            print(f"{tag} {args.steps} {text}", flush=True)
 
 
 if __name__ == "__main__":

@@ -22,14 +22,16 @@ from .contact.pair_geometry import PairGeometry
 from .contact.pair_storage import Pairs
 from .contact.part_table import PartTable
 from .contact.surface_kinds import surface_table
+from .core.allocation import allocating, when_allocated, writing_together
 from .core.errors import InputError, SimulationError
-from .core.runtime import allocating, start, when_allocated
+from .core.runtime import start
 from .io.checkpoint import save_checkpoint
 from .io.contacts_dataset import contacts_dataset
 from .measure.contacts import ContactTable
 from .measure.sums import Measure
 from .measure.velocities import SynchronisedVelocities
 from .scene import Scene
+from .scene_loading import load_scene, load_state
 from .stepping.contact_forces import ContactForces
 from .stepping.grain_state import Grains, StateView
 from .stepping.kernel_spec import KernelSpec
@@ -90,6 +92,8 @@ class Simulation:
         self.spec = KernelSpec.of(scene)
         with allocating():
             self._allocate(scene)
+        if self.bonds:
+            self.bonds.set_reference()
         wanted = self._count_pairs()
         with allocating():
             self.compose(Pairs(self.spec, self.grains.slot_of.shape[0], self._pair_capacity(wanted)))
@@ -106,7 +110,7 @@ class Simulation:
         self.surfaces = surface_table(spec.kind, scene.shapes)
         self.parts = PartTable(scene.shapes, self.grains) if spec.multi_part else None
         self.state = StateView(self.grains, self._energies_changed)
-        when_allocated(self._load_scene)
+        when_allocated(lambda: load_state(self))
         # None where the scene lists none; typed Any, for a caller knows what its scene lists.
         self.bonds: Any = None
         self.platens: Any = None
@@ -169,21 +173,16 @@ class Simulation:
         names = [wall.name for wall in scene.walls]
         if self.walls and names != self.walls.names:
             raise InputError(f"Simulation.reset: walls {names}, must be {self.walls.names}")
-        self.scene, self.skin = scene, scene.skin
+        former, self.scene = self.scene, scene
+        try:
+            with writing_together():
+                load_scene(self)
+        except InputError:
+            self.scene = former
+            raise
         self.set_time_step(dt)
-        self.domain.set_lengths(scene.lengths)
-        for bound, effect in zip(self.effects, scene.effects, strict=True):
-            bound.write_parameters(effect)
-        if self.surfaces:
-            self.surfaces.fill([part for s in scene.shapes for part in s.parts])
-        if self.parts:
-            self.parts.fill(scene.shapes)
-        self._load_scene()
-        self.set_skin(scene.skin)
-        if self.spec.reaches:
-            self.forces.geometry.set_reach(scene.reach())
         if self.bonds:
-            self.bonds.fill(scene)
+            self.bonds.begin()
         self.restart()
 
     def restart(self, strain: float = 0.0) -> None:
@@ -228,27 +227,6 @@ class Simulation:
         self.skin = skin
         self.search.set_skin(skin + self.scene.reach())
         self.validity.set_skin(skin)
-
-    def _load_scene(self):
-        """Write the state of the scene."""
-        scene, state, spec = self.scene, self.state, self.spec
-        mass, inertia = scene.masses()
-        state.position.from_numpy(scene.position)
-        if spec.sheared:  # the mean flow is part of the velocities
-            self.domain.set_shear(scene.shear_rate, scene.widest())
-        state.velocity.from_numpy(scene.velocity + self.domain.mean_flow(scene.position))
-        state.platen_index.from_numpy(scene.platen_index)
-        state.radius.from_numpy(scene.per_grain("bounding_radius"))
-        state.inverse_mass.from_numpy(1.0 / mass)
-        if spec.rotates:
-            state.angular_velocity.from_numpy(scene.angular_velocity)
-            state.inverse_inertia.from_numpy(1.0 / inertia)
-        if spec.oriented:
-            state.orientation.from_numpy(scene.orientation_state())
-        if spec.shaped:
-            state.shape_index.from_numpy(scene.shape_index)
-            state.diameter.from_numpy(scene.diameter)
-            state.overlap_limit.from_numpy(scene.per_grain("overlap_limit"))
 
     @property
     def dt(self) -> float:

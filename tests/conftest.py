@@ -8,10 +8,17 @@ table fills up, the module goes on in the next child, with module fixtures of it
 test, and the rest goes on.
 """
 
+import os
+
+# Tests compile longer than they run. Without the costliest passes of Taichi kernels compile sooner, to the same bits
+# (`TI_ADVANCED_OPTIMIZATION=0 python -m benchmarks.digest`); `make validate` runs with all passes.
+os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
+# The threads of the linear algebra wait in a loop for more work, which costs the other test process its core.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import fcntl
 import importlib
 import multiprocessing
-import os
 import sys
 import warnings
 from collections import Counter
@@ -22,10 +29,6 @@ from _pytest.runner import runtestprotocol
 
 import taichi_lsm as lsm
 from tests.helpers import scenes
-
-# Tests compile longer than they run. Without the costliest passes of Taichi kernels compile sooner, to the same bits
-# (`TI_ADVANCED_OPTIMIZATION=0 python -m benchmarks.digest`); `make validate` runs with all passes.
-os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
 
 MOST_NODES = 1024
 FULL = 600  # nodes in use after which a child begins no further test

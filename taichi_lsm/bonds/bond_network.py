@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..contact.pair_storage import TOUCHING
+from ..core.allocation import when_allocated, write
 from ..core.fields import allocate, orientation_size, rotation_size
 from ..core.rotation import inverse, product, rotate, torque_of
-from ..core.runtime import ti, when_allocated
+from ..core.runtime import ti
 from ..core.schema import Variable
 from .bond_setup import bond_branches, bond_numbers
 
@@ -89,33 +90,35 @@ class Bonds:
         self.freed.fill(0)
         self.broke[None] = 0
 
+    def begin(self) -> None:
+        """Take the present placement of the grains, to which `fill` belongs, as the one without loads."""
+        for row in (self.force, self.torque_first, self.torque_second, self.contact_gain):
+            row.fill(0)
+        self.set_reference()
+
     def fill(self, scene: Any) -> None:
         """Write the bonds of `scene`, all of them intact, with the present placement of the grains as reference.
 
         Raises InputError if two bonded grains lie on each other.
         """
         first, second = scene.bonds.T
-        capacity = len(self.first_bond.to_numpy()) - 1
-        self.first_id.from_numpy(first)
-        self.second_id.from_numpy(second)
-        self.first_bond.from_numpy(np.searchsorted(first, np.arange(capacity + 1)).astype(np.int32))
+        capacity = self.first_bond.shape[0] - 1
+        write(self.first_id, first)
+        write(self.second_id, second)
+        write(self.first_bond, np.searchsorted(first, np.arange(capacity + 1)))
         # Ends of the bonds by grain, those of one grain in the order of the bonds.
         grain = np.concatenate([first, second])
         order = np.lexsort([np.tile(np.arange(self.count), 2), grain])
-        self.ends.from_numpy((order % self.count).astype(np.int32))
-        self.end_start.from_numpy(np.searchsorted(grain[order], np.arange(capacity + 1)).astype(np.int32))
+        write(self.ends, order % self.count)
+        write(self.end_start, np.searchsorted(grain[order], np.arange(capacity + 1)))
         stiffness, strength, _ = bond_numbers(scene)
-        self.stiffness.from_numpy(stiffness)
-        self.strength.from_numpy(strength)
-        self.intact.fill(1)
-        for row in (self.force, self.torque_first, self.torque_second, self.contact_gain, self.freed):
-            row.fill(0)
-        self.broke[None] = 0
-        self.anchor_first.from_numpy(bond_branches(scene))
-        self._set_reference()
+        write(self.stiffness, stiffness)
+        write(self.strength, strength)
+        write(self.intact, np.ones(self.count))
+        write(self.anchor_first, bond_branches(scene))
 
     @ti.kernel
-    def _set_reference(self):
+    def set_reference(self):
         """Take the present placement as the one without stress; `anchor_first` holds the branch vectors [m].
 
         The anchor is the middle of the bond, in the body frame of either grain; q_l^-1 q_k is the relative orientation.

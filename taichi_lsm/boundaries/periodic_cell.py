@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.allocation import read, when_allocated, write
 from ..core.errors import InputError
-from ..core.runtime import ti, when_allocated
+from ..core.runtime import ti
 from ..core.schema import Variable
 
 SHEAR_ROWS = [
@@ -92,26 +93,27 @@ class Domain:
         strain
             Shear strain so far [-].
         """
-        self.shear_rate[0], self.widest[0], self.strain[0] = shear_rate, widest, strain
-        shift = strain * self.length[1]
-        self.tilt[0] = shift - self.length[0] * np.rint(shift * self.inverse_length[0])
+        for field, value in ((self.shear_rate, shear_rate), (self.widest, widest), (self.strain, strain)):
+            write(field, value)
+        length, shift = read(self.length), strain * read(self.length)[1]
+        write(self.tilt, shift - length[0] * np.rint(shift * read(self.inverse_length)[0]))
 
     def mean_flow(self, position: NDArray) -> NDArray:
         """Velocity (n, dim) [m s-1] of the mean flow at positions (n, dim) [m]; 0 in a cell at rest."""
         flow = np.zeros_like(position)
         if self.sheared:
-            flow[:, 0] = self.shear_rate[0] * position[:, 1]
+            flow[:, 0] = read(self.shear_rate)[0] * position[:, 1]
         return flow
 
     def flow_over(self, skin: float) -> float:
         """Greatest speed [m s-1] at which the mean flow separates two grains within reach plus `skin` [m]."""
-        return abs(self.shear_rate[0]) * (self.widest[0] + skin) if self.sheared else 0.0
+        return abs(read(self.shear_rate)[0]) * (read(self.widest)[0] + skin) if self.sheared else 0.0
 
     def set_lengths(self, lengths: Sequence[float]) -> None:
         """Write the lengths of the cell (dim,) [m]; those of open axes do not matter."""
         finite = np.where(self.periodic, lengths, 1.0).astype(float)
-        for axis, length in enumerate(finite):  # each `from_numpy` would be a kernel to compile
-            self.length[axis], self.inverse_length[axis] = length, 1.0 / length
+        write(self.length, finite)
+        write(self.inverse_length, 1.0 / finite)
 
     @ti.func
     def displacement(self, x_k, x_l):
@@ -204,7 +206,8 @@ class Domain:
 
         The tilt is at most half a cell length L_x over the height L_y: |d_x + d_y L_x/(2 L_y)| <= |d| times the factor.
         """
-        return np.hypot(1.0, 0.5 * self.length[0] / self.length[1]) if self.sheared else 1.0
+        length = read(self.length)
+        return np.hypot(1.0, 0.5 * length[0] / length[1]) if self.sheared else 1.0
 
 
 def check_shear(scene: Any) -> None:

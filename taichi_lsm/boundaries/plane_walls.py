@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..contact.error_flags import WALL
 from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
+from ..core.allocation import when_allocated, write
 from ..core.errors import InputError
 from ..core.fields import allocate
 from ..core.rotation import advanced_orientation, rotational_velocity, torque_of
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 from ..core.schema import Variable
 from .wall_setup import PlaneWall, as_vector
 
@@ -96,10 +97,9 @@ class Walls:
 
     def _place(self, walls: Sequence[PlaneWall]) -> None:
         """Write point, unit normal and velocity of each wall."""
-        for w, wall in enumerate(walls):
-            self.point[w] = np.asarray(wall.point, float)
-            self.normal[w] = np.asarray(wall.normal, float) / np.linalg.norm(wall.normal)
-            self.velocity[w] = np.broadcast_to(np.asarray(wall.velocity, float), self.dim)
+        write(self.point, [wall.point for wall in walls])
+        write(self.normal, [np.asarray(wall.normal, float) / np.linalg.norm(wall.normal) for wall in walls])
+        write(self.velocity, [np.broadcast_to(np.asarray(wall.velocity, float), self.dim) for wall in walls])
 
     def mark_all(self) -> None:
         """Mark all blocks, so that the next sum visits every grain; for rows that were loaded from a file."""

@@ -11,8 +11,9 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.allocation import when_allocated, write
 from ..core.errors import InputError, require
-from ..core.runtime import ti, when_allocated
+from ..core.runtime import ti
 from .platen_drives import VALUES, ConstantVelocity, Fixed, ServoStress, SpringLoadPoint
 
 Drive = Fixed | ConstantVelocity | SpringLoadPoint | ServoStress
@@ -106,15 +107,13 @@ class Platens:
 
     def _begin(self, ids: NDArray) -> None:
         """Write the members, the values of the drives and the inertia of each platen along each axis."""
-        for m, k in enumerate(ids):  # `from_numpy` would be a kernel to compile
-            self.member[m] = k
+        write(self.member, ids)
         masses = np.repeat(self.glued_mass[:, None], self.dim, axis=1)
         for p, drives in enumerate(self.drives):
             for axis, drive in enumerate(drives):
-                self._write(p, axis, drive)
                 masses[p, axis] = getattr(drive, "inertia", masses[p, axis])
-        for p, mass in enumerate(masses):
-            self.mass[p] = mass
+        write(self.mass, masses)
+        self._write_drives()
 
     def clear(self) -> None:
         """Set displacements, velocities, forces, work and stretches to zero: a run starts again."""
@@ -128,14 +127,16 @@ class Platens:
                 drive.check_step(dt)
         self.dt = dt
 
-    def _write(self, p: int, axis: int, drive: Drive) -> None:
-        """Write the values of a drive to the fields that the kernel reads."""
-        if hasattr(drive, "check_step"):
-            drive.check_step(self.dt)
-        values = np.zeros(VALUES)
-        given = drive.values(self.area)
-        values[: len(given)] = given
-        self.values[p, axis] = values
+    def _write_drives(self) -> None:
+        """Write the values of all drives to the field that the kernel reads."""
+        values = np.zeros((self.count, self.dim, VALUES))
+        for p, drives in enumerate(self.drives):
+            for axis, drive in enumerate(drives):
+                if hasattr(drive, "check_step"):
+                    drive.check_step(self.dt)
+                given = drive.values(self.area)
+                values[p, axis, : len(given)] = given
+        write(self.values, values)
 
     def set(self, name: str, axis: int, drive: Drive) -> None:
         """Change the values of a drive between two calls of `Simulation.run`.
@@ -168,8 +169,10 @@ class Platens:
         if getattr(drive, "inertia", 0.0) != getattr(now, "inertia", 0.0):
             allowed = f"{now.inertia!r} kg as at the start"
             require(False, drive, "inertia", drive.inertia, allowed)
-        self._write(p, axis, drive)
+        if hasattr(drive, "check_step"):
+            drive.check_step(self.dt)
         self.drives[p][axis] = drive
+        self._write_drives()
 
     def load_velocity(self, velocity: NDArray) -> NDArray:
         """Velocities of what drives the platens.

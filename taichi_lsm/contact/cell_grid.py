@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.allocation import read, write
 from ..core.runtime import ti
 
 # Cells per axis of the sparse grid: two pointer levels over dense blocks, all powers of two (a struct-for over
@@ -66,17 +67,16 @@ class SparseGrid:
 
     def set_width(self, reach: float) -> None:
         """Make cells at least `reach` [m] wide: pairs closer than that are then in adjacent cells."""
-        cells = np.full(self.dim, self.extent)
+        cells, lengths = np.full(self.dim, self.extent), read(self.domain.length)
         inverse = np.full(self.dim, 1.0 / reach)
         for axis in range(self.dim):
             if self.domain.periodic[axis]:
                 # A whole number of cells; in a sheared cell they must hold distances stretched by `straightened`.
-                length = self.domain.length[axis]
                 least = reach * (self.domain.widening() if axis == 0 else 1.0)
-                cells[axis] = min(max(1, int(length / least)), self.extent)
-                inverse[axis] = cells[axis] / length
-        for axis in range(self.dim):  # each `from_numpy` would be a kernel to compile
-            self.cells[axis], self.inverse_width[axis] = int(cells[axis]), inverse[axis]
+                cells[axis] = min(max(1, int(lengths[axis] / least)), self.extent)
+                inverse[axis] = cells[axis] / lengths[axis]
+        write(self.cells, cells)
+        write(self.inverse_width, inverse)
 
     @ti.func
     def cell_of(self, x):

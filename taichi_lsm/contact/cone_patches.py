@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from ..core.allocation import when_allocated
 from ..core.fields import allocate, fill_rows, rounded_capacity
 from ..core.rotation import rotate, unrotate
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 from ..core.schema import Variable
 from .error_flags import OVERLAP
 from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.allocation import when_allocated, write
 from ..core.errors import SimulationError
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 from .cell_grid import SparseGrid
 from .pair_storage import PART_BASE
 
@@ -59,7 +60,7 @@ class NeighbourSearch:
 
     def set_skin(self, skin: float) -> None:
         """Set the skin [m], and cells as wide as it and the largest grain need; the radii must be known."""
-        self.skin[None] = skin
+        write(self.skin, skin)
         self.grid.set_width(2.0 * float(self.grains.column("radius").max()) + skin)
 
     @ti.func

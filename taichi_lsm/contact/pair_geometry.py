@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from ..core.runtime import current, ti, when_allocated
+from ..core.allocation import when_allocated, write
+from ..core.runtime import current, ti
 from .error_flags import OVERLAP
 from .pair_storage import PART_BASE
 from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
@@ -56,7 +57,7 @@ class PairGeometry:
 
     def set_reach(self, reach: float) -> None:
         """Set the distance of the surfaces [m] up to which effects act."""
-        self.reach[None] = reach
+        write(self.reach, reach)
 
     @ti.func
     def least_depth(self):

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ..core.allocation import when_allocated
 from ..core.fields import allocate, fill_rows, rounded_capacity
 from ..core.rotation import rotate
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 from ..core.schema import Variable
 
 SHAPE_ROWS = [

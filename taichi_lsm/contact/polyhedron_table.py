@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.allocation import when_allocated
 from ..core.fields import allocate, fill_rows, rounded_capacity
 from ..core.rotation import rotate
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 from ..core.schema import Variable
 from .ball_polyhedra import PolyhedronContact
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .allocation import write
 from .errors import InputError
 from .runtime import current, ti
 from .schema import Variable
@@ -80,8 +81,7 @@ def fill_rows(field: Any, values: npt.ArrayLike) -> None:
     InputError
         If there are more values than rows: the shape tables of a scene must fit into those that were compiled.
     """
-    raw, given = field.to_numpy(), np.asarray(values)
-    if len(given) > len(raw):
-        raise InputError(f"shapes: {len(given)} rows of the shape table, there is room for {len(raw)}")
-    raw[: len(given)] = given
-    field.from_numpy(raw)
+    given, room = np.asarray(values), field.shape[0]
+    if len(given) > room:
+        raise InputError(f"shapes: {len(given)} rows of the shape table, there is room for {room}")
+    write(field, given)

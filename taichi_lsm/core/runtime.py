@@ -6,7 +6,6 @@ Every other module imports `ti` from here, so that a fork with the same interfac
 import contextlib
 import io
 import os
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,6 +94,7 @@ def start(arch: str = "cpu", precision: str = "f64", threads: int = 1) -> Runtim
                 default_fp=wanted.real,
                 cpu_max_num_threads=wanted.threads,
                 cfg_optimization=False,
+                unrolling_limit=0,  # loops over the fields of a table are unrolled on purpose
                 fast_math=False,  # it reorders sums: results would depend on the compiler, not on the equations
                 log_level=ti.ERROR,  # clearing sparse nodes warns about index types inside Taichi itself
             )
@@ -107,50 +107,3 @@ def start(arch: str = "cpu", precision: str = "f64", threads: int = 1) -> Runtim
 def current() -> Runtime:
     """The settings of this process, which is started with the defaults if it runs no Taichi yet."""
     return _current or start()
-
-
-MOST_NODES = 1024  # of a process, all fields together; fixed in Taichi
-
-_pending: list[Callable[[], object]] | None = None
-
-
-@contextlib.contextmanager
-def allocating() -> Iterator[None]:
-    """Within this block fields are only declared; what is to be written to them waits until it ends.
-
-    Taichi closes a memory tree at the first access to any field. A process has room for 512 trees and 1024 nodes and
-    every tree is compiled, so that a simulation should declare all its fields before it touches one.
-
-    Raises
-    ------
-    InputError
-        At the end of the block, if the fields of this process overflow Taichi's table of nodes.
-    """
-    global _pending
-    _pending = []
-    try:
-        yield
-        _refuse_overflow()
-        waiting, _pending = _pending, None
-        for write in waiting:
-            write()
-    finally:
-        _pending = None
-
-
-def _refuse_overflow() -> None:
-    """Raise InputError if the declared fields overflow Taichi's table of nodes: it would write past its end."""
-    last = ti.field(ti.i32, ()).snode.ptr.id
-    if last >= MOST_NODES:
-        raise InputError(
-            f"this process has declared {last} Taichi nodes of {MOST_NODES}: there is no room for another simulation; "
-            "use Simulation.reset for scenes with the same KernelSpec, or a process of its own"
-        )
-
-
-def when_allocated(write: Callable[[], object]) -> None:
-    """Call `write()` at the end of the surrounding `allocating` block, or now if there is none."""
-    if _pending is None:
-        write()
-    else:
-        _pending.append(write)

@@ -92,8 +92,9 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
+from ..core.allocation import when_allocated, write
 from ..core.errors import finite, require
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 
 PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond")
 ON_CONTACTS = PHASES[:4]
@@ -283,9 +284,7 @@ class Effect:
     def write_parameters(self, source: "Effect") -> None:
         """Write the values of `source`, an effect of the same class, into the fields of this bound copy."""
         for name, value in source.parameters().items():
-            field = getattr(self, f"{name}_")
-            for i, number in enumerate(np.atleast_1d(np.asarray(value, float))):
-                field[i] = number
+            write(getattr(self, f"{name}_"), value)
 
 
 @functools.cache

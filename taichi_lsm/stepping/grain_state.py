@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.allocation import read, when_allocated, write
 from ..core.fields import NUMPY_TYPES, allocate, orientation_size, rotation_size, rounded_capacity
-from ..core.runtime import ti, when_allocated
+from ..core.runtime import ti
 from ..core.schema import Variable
 
 
@@ -83,6 +84,7 @@ class Grains:
     def __init__(self, spec):
         self.dim, count, variables = spec.dim, spec.count, grain_variables(spec)
         self.count = ti.field(ti.i32, ())
+        self.number = count  # the same on the host
         self.sizes = {
             "space": spec.dim,
             "rotation": rotation_size(spec.dim),
@@ -98,23 +100,18 @@ class Grains:
         when_allocated(lambda: self._begin(count))
 
     def _begin(self, count):
-        self.count[None] = count
-        self.slots = np.arange(count)  # of each id: what slot_of holds
-        self.number_slots()
-
-    @ti.kernel
-    def number_slots(self):
         """Put grain k into slot k."""
-        ti.loop_config(serialize=True)
-        for k in range(self.slot_of.shape[0]):
-            self.id[k] = self.slot_of[k] = self.previous_slot[k] = k
+        write(self.count, count)
+        self.slots = np.arange(count)  # of each id: what slot_of holds
+        for number in (self.id, self.slot_of, self.previous_slot):
+            write(number, np.arange(self.slot_of.shape[0]))
 
     if TYPE_CHECKING:  # the fields of `grain_variables`
 
         def __getattr__(self, name: str) -> Any: ...
 
     def __len__(self):
-        return int(self.count[None])
+        return self.number
 
     def has(self, name: str) -> bool:
         """Whether this scene carries the state row `name`."""
@@ -122,7 +119,7 @@ class Grains:
 
     def column(self, name: str) -> NDArray:
         """State row `name` as a NumPy array (grain, ...), ordered by persistent id."""
-        return getattr(self, name).to_numpy()[self.slots]
+        return read(getattr(self, name))[self.slots]
 
     def set_column(self, name: str, values: ArrayLike) -> None:
         """Write a state row given in the order of persistent ids."""
@@ -130,18 +127,18 @@ class Grains:
         width = (field.n,) if isinstance(field, ti.MatrixField) else ()
         raw = np.zeros((self.slot_of.shape[0], *width), NUMPY_TYPES[field.dtype])
         raw[self.slots] = values
-        field.from_numpy(raw)
+        write(field, raw)
 
     def set_order(self, id_of_slot: NDArray) -> None:
         """Declare which grain each slot holds; the state rows themselves are not moved."""
         count, capacity = len(id_of_slot), self.slot_of.shape[0]
         padded = np.zeros(capacity, np.int32)
         padded[:count] = id_of_slot
-        self.id.from_numpy(padded)
+        write(self.id, padded)
         padded[id_of_slot] = np.arange(count)
         self.slots = padded[:count].copy()
-        self.slot_of.from_numpy(padded)
-        self.previous_slot.from_numpy(np.arange(capacity, dtype=np.int32))
+        write(self.slot_of, padded)
+        write(self.previous_slot, np.arange(capacity))
 
     def reorder(self, order: NDArray) -> None:
         """Move the grain of slot order[s] to slot s, in every row. Results do not depend on the order."""
@@ -150,11 +147,11 @@ class Grains:
         for name in self.variables:
             raw = getattr(self, name).to_numpy()
             raw[: len(self)] = raw[order]
-            getattr(self, name).from_numpy(raw)
+            write(getattr(self, name), raw)
         self.set_order(ids)
         previous = np.arange(self.slot_of.shape[0], dtype=np.int32)
         previous[: len(self)] = order
-        self.previous_slot.from_numpy(previous)
+        write(self.previous_slot, previous)
 
 
 class StateView:

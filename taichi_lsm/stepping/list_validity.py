@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from ..core.runtime import ti, when_allocated
+from ..core.allocation import when_allocated, write
+from ..core.runtime import ti
 
 ROTATION_MARGIN = 1.01  # the angular velocity is a mean over the step; the rotation may be a little more
 
@@ -35,7 +36,7 @@ class ListValidity:
 
     def set_skin(self, skin: float) -> None:
         """Set the skin of the neighbour list [m]."""
-        self.half_skin[None] = 0.5 * skin
+        write(self.half_skin, 0.5 * skin)
 
     @ti.func
     def check(self, k, before, step):

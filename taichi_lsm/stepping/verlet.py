@@ -5,8 +5,9 @@ contacts are evaluated at the new positions, so that a step ends with positions,
 same time t; `synchronised` brings velocities to t.
 """
 
+from ..core.allocation import when_allocated, write
 from ..core.rotation import advanced_orientation, angular_velocity_of, free_rotor, momentum_of, unrotate
-from ..core.runtime import current, ti, when_allocated
+from ..core.runtime import current, ti
 
 
 @ti.data_oriented
@@ -29,7 +30,7 @@ class VelocityVerlet:
 
     def set_time_step(self, dt: float) -> None:
         """Choose the time step [s]."""
-        self.dt[None] = dt
+        write(self.dt, dt)
 
     def restart(self, step: int = 0) -> None:
         """Begin a run, or go on with one that has made `step` steps; for schemes whose steps differ."""

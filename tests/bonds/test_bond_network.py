@@ -212,6 +212,7 @@ def restart(sim, scene, **columns):
     for name, values in rest.items():
         getattr(sim.state, name).from_numpy(values)
     sim.bonds.fill(scene)
+    sim.bonds.begin()
     scenes.reload(sim, **rest | columns)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from taichi_lsm.core.runtime import allocating, ti
+from taichi_lsm.core.allocation import allocating
+from taichi_lsm.core.runtime import ti
 from taichi_lsm.stepping.thread_team import SPREAD, ThreadTeam
 
 pytestmark = pytest.mark.usefixtures("runtime")

@@ -1,0 +1,125 @@
+"""When the fields of a simulation are allocated, and how values get into them.
+
+Taichi compiles a kernel for every field that Python writes to, and one more for every number of a small field. With
+thirty fields that takes longer than the kernels of a step. Here the values of many fields are collected and written by
+one kernel, to which the field is an argument; what is written to the same fields later is written by it as well.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InputError
+from .field_writer import FieldWriter
+from .runtime import ti
+
+MOST_NODES = 1024  # of a process, all fields together; fixed in Taichi
+
+_waiting: list[Callable[[], object]] | None = None  # until all fields are declared
+_collected: "dict[int, tuple[Any, npt.NDArray]] | None" = None  # by the identity of the field: the field, its values
+
+
+@contextlib.contextmanager
+def allocating() -> Iterator[None]:
+    """Within this block fields are only declared; what is to be written to them waits until it ends.
+
+    Taichi closes a memory tree at the first access to any field. A process has room for 512 trees and 1024 nodes and
+    every tree is compiled, so that a simulation should declare all its fields before it touches one.
+
+    Raises
+    ------
+    InputError
+        At the end of the block, if the fields of this process overflow Taichi's table of nodes.
+    """
+    global _waiting
+    _waiting = []
+    try:
+        yield
+        _refuse_overflow()
+        waiting, _waiting = _waiting, None
+        with writing_together():
+            for begin in waiting:
+                begin()
+    finally:
+        _waiting = None
+
+
+def _refuse_overflow() -> None:
+    """Raise InputError if the declared fields overflow Taichi's table of nodes: it would write past its end."""
+    last = ti.field(ti.i32, ()).snode.ptr.id
+    if last >= MOST_NODES:
+        raise InputError(
+            f"this process has declared {last} Taichi nodes of {MOST_NODES}: there is no room for another simulation; "
+            "use Simulation.reset for scenes with the same KernelSpec, or a process of its own"
+        )
+
+
+def when_allocated(begin: Callable[[], object]) -> None:
+    """Call `begin()`, which writes first values, at the end of the surrounding `allocating` block, or now."""
+    if _waiting is None:
+        begin()
+    else:
+        _waiting.append(begin)
+
+
+@contextlib.contextmanager
+def writing_together() -> Iterator[None]:
+    """Within this block `write` only collects; all values are written at its end, and none if it raises.
+
+    No kernel may run in the block, as it would not see them; `read` does.
+    """
+    global _collected
+    _collected = {}
+    try:
+        yield
+        collected = _collected
+    finally:
+        _collected = None
+    new = [field for field, _ in collected.values() if not hasattr(field, "host_writer")]
+    if new:
+        FieldWriter(new)
+    for field, values in collected.values():
+        _write_now(field, values)
+
+
+def write(field: Any, values: npt.ArrayLike) -> None:
+    """Write the first rows of a Taichi field; the others keep what they hold.
+
+    Parameters
+    ----------
+    field
+        Scalar or vector field of any shape, a row for each of its elements, and of any type but 64-bit integers.
+    values
+        A number for each component of each row that is written, rows in the order of the indices.
+    """
+    flat = np.array(values, dtype=np.float64).reshape(-1)  # a copy: the caller may change its own before it is written
+    if _collected is None:
+        _write_now(field, flat)
+    else:
+        _collected[id(field)] = (field, flat)
+
+
+def read(field: Any) -> npt.NDArray:
+    """All rows of a Taichi field, also where their values are only collected yet."""
+    if _collected is None or id(field) not in _collected:
+        return field.to_numpy()
+    flat = _collected[id(field)][1]
+    raw = np.zeros((*field.shape, *_width(field)), flat.dtype)
+    raw.reshape(-1)[: len(flat)] = flat
+    return raw
+
+
+def _width(field: Any) -> tuple[int, ...]:
+    """Components of a row: () for a scalar field."""
+    return (field.n,) if isinstance(field, ti.MatrixField) else ()
+
+
+def _write_now(field: Any, flat: npt.NDArray) -> None:
+    """Write by the kernel that knows the field, which is made for it alone if there is none."""
+    if not hasattr(field, "host_writer"):
+        FieldWriter([field])
+    writer, number = field.host_writer
+    writer.copy(number, flat.size // int(np.prod(_width(field))), flat)
