@@ -13,6 +13,7 @@ from .geometry import even_directions
 
 MERGE = 1e-9  # of the size: vertices nearer than this are one, edges shorter than this are none
 GUARD_DIRECTIONS = 3000  # among which false normals of a face are sought
+PAIRS = 1000  # of balls whose circles are cut at once: bounds the memory
 LONGEST_EDGE = np.radians(120.0)  # of an edge's arc; longer ones are cut, for a wedge must stay below pi
 
 
@@ -94,7 +95,9 @@ def cell_of_balls(p: NDArray, big: NDArray) -> Features:
     if len(p) == 1:
         return _lone_ball(p, big)
     size = 2.0 * big.min()
-    edges = [edge for i in range(len(p)) for j in range(i + 1, len(p)) for edge in _edges_between(p, big, i, j)]
+    first, second = np.triu_indices(len(p), 1)
+    blocks = range(0, len(first), PAIRS)
+    edges = [edge for b in blocks for edge in _edges_of_pairs(p, big, first[b : b + PAIRS], second[b : b + PAIRS])]
     if not edges:
         raise InputError("centres, radii: the balls have no common part with an edge; move them closer together")
     faces = sorted({f for edge in edges for f in edge["side"]})
@@ -118,8 +121,11 @@ def _guarded(cell: Features) -> Features:
     """Add a bound to every face whose cone also holds normals on the far side of the sphere of normals.
 
     That happens where neighbouring balls differ in radius: their circles are then small caps. The guard is a cap about
-    the face that its own normals do not reach; what lies beyond is left to a search over all features.
+    the face that its own normals do not reach; what lies beyond is left to a search over all features. Caps of balls of
+    one radius are all convex, so that their common part is in one piece and needs none.
     """
+    if np.ptp(cell.radius[: cell.faces]) == 0.0:
+        return cell
     n = even_directions(GUARD_DIRECTIONS)
     p, big = cell.centre[: cell.faces], cell.radius[: cell.faces]
     guards = {}
@@ -182,59 +188,67 @@ def _lone_ball(p: NDArray, big: NDArray) -> Features:
     )  # fmt: skip
 
 
-def _edges_between(p: NDArray, big: NDArray, i: int, j: int) -> list[dict[str, Any]]:
-    """What the other balls leave of the circle where spheres i and j meet."""
+def _edges_of_pairs(p: NDArray, big: NDArray, i: NDArray, j: NDArray) -> list[dict[str, Any]]:
+    """What the other balls leave of the circles where the spheres i (pairs,) meet the spheres j (pairs,)."""
     gap = p[i] - p[j]
-    length = np.linalg.norm(gap)
-    if length <= abs(big[i] - big[j]) or length < 1e-12 * big[i]:
-        return []
-    axis = gap / length  # out of face i: inside ball j means against it
+    length = np.linalg.norm(gap, axis=1)
+    met = (length > np.abs(big[i] - big[j])) & (length >= 1e-12 * big[i])
+    i, j, gap, length = i[met], j[met], gap[met], length[met]
+    axis = gap / length[:, None]  # out of face i: inside ball j means against it
     along = (length**2 + big[i] ** 2 - big[j] ** 2) / (2.0 * length)
-    centre = p[i] - along * axis
-    rho = np.sqrt(max(big[i] ** 2 - along**2, 0.0))
-    if rho == 0.0:
-        return []
-    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    u /= np.linalg.norm(u)
-    across = np.stack([u, np.cross(axis, u)], axis=1)
-    # The point of the circle at the angle t, x = centre + rho across (cos t, sin t), lies within the ball (q, R) if
+    centre = p[i] - along[:, None] * axis
+    rho = np.sqrt(np.maximum(big[i] ** 2 - along**2, 0.0))
+    u = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis), axis=1)])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    across = np.stack([u, np.cross(axis, u)], axis=2)
+    # The point of a circle at the angle t, x = centre + rho across (cos t, sin t), lies within the ball (q, R) if
     # flat . (cos t, sin t) <= limit with flat = 2 rho (centre - q) across, limit = R^2 - rho^2 - |centre - q|^2.
-    others = np.setdiff1d(np.arange(len(p)), (i, j))
-    off = centre - p[others]
-    flat = 2.0 * rho * off @ across
-    amplitude = np.linalg.norm(flat, axis=1)
-    limit = big[others] ** 2 - rho**2 - np.sum(off**2, axis=1)
-    if np.any(limit <= -amplitude):
-        return []
+    off = centre[:, None] - p
+    flat = 2.0 * rho[:, None, None] * off @ across
+    amplitude = np.linalg.norm(flat, axis=2)
+    limit = big**2 - rho[:, None] ** 2 - np.sum(off**2, axis=2)
+    pairs = np.arange(len(i))
+    limit[pairs, i] = limit[pairs, j] = np.inf  # the two balls of a circle do not cut it
+    left = np.flatnonzero((rho > 0.0) & np.all(limit > -amplitude, axis=1))
+    flat, amplitude, limit = flat[left], amplitude[left], limit[left]
     cutting = limit < amplitude
-    middle = np.arctan2(flat[cutting, 1], flat[cutting, 0])  # where the circle leaves the ball farthest
-    half = np.arccos(np.clip(limit[cutting] / amplitude[cutting], -1.0, 1.0))
-    arcs = _free_arcs(middle - half, 2.0 * half)
-    base = {"centre": centre, "axis": axis, "rho": rho, "across": across, "side": (i, j)}
+    middle = np.arctan2(flat[..., 1], flat[..., 0])  # where the circle leaves the ball farthest
+    half = np.arccos(np.clip(np.divide(limit, amplitude, out=np.ones_like(limit), where=cutting), -1.0, 1.0))
     result = []
-    for start, span, whole in arcs:
-        if rho * span < MERGE * 2.0 * big.min():
+    for c, start, span, whole in _free_arcs(middle - half, 2.0 * half, cutting):
+        k = left[c]
+        if rho[k] * span < MERGE * 2.0 * big.min():
             continue
-        tips = (
-            centre + rho * np.stack([np.cos([start, start + span]), np.sin([start, start + span])], axis=1) @ across.T
+        ends = np.array([start, start + span])
+        tips = centre[k] + rho[k] * np.stack([np.cos(ends), np.sin(ends)], axis=1) @ across[k].T
+        result.append(
+            {"centre": centre[k], "axis": axis[k], "rho": rho[k], "across": across[k], "side": (int(i[k]), int(j[k]))}
+            | {"start": start, "span": span, "tips": tips, "tips_are_vertices": not whole}
         )
-        result.append(base | {"start": start, "span": span, "tips": tips, "tips_are_vertices": not whole})
     return result
 
 
-def _free_arcs(start: NDArray, span: NDArray) -> list[tuple[float, float, bool]]:
-    """(start, span, is the whole circle) of the arcs that none of the intervals (start, span) [rad] covers."""
+def _free_arcs(start: NDArray, span: NDArray, cutting: NDArray) -> list[tuple[int, float, float, bool]]:
+    """(circle, start, span, is the whole circle) of the arcs that no interval of their circle covers.
+
+    start, span (circles, m) [rad]: intervals; cutting (circles, m): which of them count.
+    """
     full = 2.0 * np.pi
-    if len(start) == 0:
-        return [(0.0, full, True)]
-    start = np.mod(start, full)
-    order = np.argsort(start)
-    start, span = start[order], span[order]
+    cut = np.flatnonzero(cutting.any(axis=1))
+    rows, start, span = np.arange(len(cut))[:, None], start[cut], span[cut]
+    # An interval that does not count becomes a copy of one that does.
+    own = np.where(cutting[cut], np.arange(start.shape[1]), np.argmax(cutting[cut], axis=1)[:, None])
+    start, span = np.mod(start[rows, own], full), span[rows, own]
+    order = np.argsort(start, axis=1)
+    start, span = start[rows, order], span[rows, order]
     # A gap lies before a start that no interval before it reaches, those of the previous period included.
-    reached = np.maximum.accumulate(start + span)
-    before = np.maximum(np.concatenate([[reached[-1] - full], reached[:-1]]), reached[-1] - full)
+    reached = np.maximum.accumulate(start + span, axis=1)
+    last = reached[:, -1:] - full
+    before = np.maximum(np.concatenate([last, reached[:, :-1]], axis=1), last)
     gaps = start - before
-    return [(float(b), float(g), False) for b, g in zip(before, gaps) if g > 0.0]
+    arcs = [(int(cut[c]), float(before[c, m]), float(gaps[c, m]), False) for c, m in np.argwhere(gaps > 0.0)]
+    whole = [(int(c), 0.0, full, True) for c in np.flatnonzero(~cutting.any(axis=1))]
+    return sorted(arcs + whole)
 
 
 def _merged(points: NDArray, width: float) -> tuple[NDArray, NDArray]:

@@ -19,6 +19,7 @@ from .geometry import even_directions
 from .input_checks import check_at_least, check_positive
 
 CORNER_ROUNDING = 1e-9  # of a bound: a corner of a narrow cone is known no better
+AT_ONCE = 256  # normals whose features are sought at once: what they need fits the cache
 PATCH_SAMPLES = 8000  # directions that find the mean normal and the cone of each patch
 ARRAYS = ("feature_centre", "feature_radius", "ring_axis", "ring_radius", "bound", "bound_offset")
 INDICES = ("first_bound", "bound_next")
@@ -142,13 +143,16 @@ class BallPolyhedron(GrainShape):
             Rows of the features.
         """
         n = np.asarray(normals, dtype=np.float64)
-        worst = np.full((len(self.feature_radius), len(n)), -1.0)
-        if self.bound.size:
-            out = self.bound @ n.T - self.bound_offset[:, None]
-            filled = np.flatnonzero(np.diff(self.first_bound))
+        owner = np.zeros(len(n), int)
+        filled = np.flatnonzero(np.diff(self.first_bound)) if self.bound.size else np.zeros(0, int)
+        for block in range(0, len(n) if filled.size else 0, AT_ONCE):
+            own = slice(block, block + AT_ONCE)
+            out = self.bound @ n[own].T - self.bound_offset[:, None]
             # How far each normal is beyond the nearest bound of each cone; the feature owns it if that is least.
+            worst = np.full((len(self.feature_radius), out.shape[1]), -1.0)
             worst[filled] = np.maximum.reduceat(out, self.first_bound[:-1][filled], axis=0)
-        return np.argmin(worst, axis=0)
+            owner[own] = np.argmin(worst, axis=0)
+        return owner
 
     def support_points(self, normals: ArrayLike) -> NDArray:
         """Point of the surface with each outward normal.
@@ -208,23 +212,31 @@ class BallPolyhedron(GrainShape):
         list of ndarray, (m, 3)
             Unit normals for each feature, body frame; none where a cone has no corner.
         """
-        result = []
-        for f in range(len(self.feature_radius)):
-            own = slice(self.first_bound[f], self.first_bound[f + 1])
-            a, b = self.bound[own], self.bound_offset[own]
+        result = [np.zeros((0, 3))] * len(self.feature_radius)
+        counts = np.diff(self.first_bound)
+        for count in np.unique(counts[counts > 1]):
+            # All features with equally many bounds at once: a (f, count, 3), b (f, count).
+            features = np.flatnonzero(counts == count)
+            rows = self.first_bound[features, None] + np.arange(count)
+            a, b = self.bound[rows], self.bound_offset[rows]
             # The planes a_i . n = b_i and a_j . n = b_j meet in a line, given by its point nearest to 0 (foot) and its
             # direction; it pierces the unit sphere in two normals.
-            i, j = np.triu_indices(len(a), 1)
-            line = np.cross(a[i], a[j])
-            length = np.sum(line**2, axis=1)
-            i, j, line, length = (v[length > 1e-20] for v in (i, j, line, length))
-            foot = np.cross(b[i, None] * a[j] - b[j, None] * a[i], line) / length[:, None]
-            rest = 1.0 - np.sum(foot**2, axis=1)
-            foot, line, rest = foot[rest > 0], line[rest > 0], np.sqrt(rest[rest > 0])
-            along = (rest / np.linalg.norm(line, axis=1))[:, None] * line
-            n = np.concatenate([foot + along, foot - along])
-            out = (n @ a.T - b).max(axis=1, initial=-2.0)
-            result.append(n[out <= max(CORNER_ROUNDING, out.min(initial=2.0))])
+            i, j = np.triu_indices(count, 1)
+            line = np.cross(a[:, i], a[:, j])
+            length = np.sum(line**2, axis=2)
+            crossing = length > 1e-20  # else the planes are parallel
+            length = np.where(crossing, length, 1.0)
+            foot = np.cross(b[:, i, None] * a[:, j] - b[:, j, None] * a[:, i], line) / length[..., None]
+            rest = 1.0 - np.sum(foot**2, axis=2)
+            crossing &= rest > 0
+            along = np.sqrt(np.where(crossing, rest, 0.0) / length)[..., None] * line
+            n = np.concatenate([foot + along, foot - along], axis=1)
+            out = (n @ a.transpose(0, 2, 1) - b[:, None]).max(axis=2)
+            out[~np.concatenate([crossing, crossing], axis=1)] = np.inf
+            kept = out <= np.maximum(CORNER_ROUNDING, out.min(axis=1, keepdims=True))
+            for f, own, chosen, least in zip(features, n, kept, out.min(axis=1), strict=True):
+                if np.isfinite(least):
+                    result[f] = own[chosen]
         return result
 
     def mesh(self, points: int = 2000) -> tuple[NDArray, NDArray]:

@@ -12,7 +12,7 @@ from .ball_cells import Features, cell_of_balls
 from .ball_polyhedron import BallPolyhedron
 from .geometry import even_directions, least_tangent_radii
 from .input_checks import check_at_least, check_positive, number_array
-from .mass_properties import mass_of
+from .mass_properties import mass_of, volume_of
 
 SLACK = 1.25  # radius of a face over the least that holds the other tangent points: less makes slivers
 SAMPLES = 4000  # directions that bound the lever
@@ -78,6 +78,13 @@ def ball_polyhedron_and_frame(
         cell = cell.moved(frame.T, np.zeros(3))
         inertia = frame.T @ inertia @ frame
     return _shape(cell, dilation, volume, np.diag(inertia), name), centroid, frame
+
+
+def corner_of_balls(p: NDArray, big: NDArray, dilation: float) -> float:
+    """Least radius of the grain of the balls p (n, 3), big (n,), in its equivalent diameters: without its inertia."""
+    cell = cell_of_balls(p, big)
+    least = dilation if cell.edges else float(big.min()) + dilation
+    return least * (np.pi / 6.0 / volume_of(cell, dilation)) ** (1.0 / 3.0)
 
 
 def _shape(cell: Features, dilation: float, volume: float, inertia: NDArray, name: str) -> BallPolyhedron:
@@ -153,10 +160,18 @@ def tangent_ball_polyhedron(
         raise InputError(f"points and normals have shapes {x.shape}, {n.shape}: must be (n, 3), n >= 4, both")
     if np.any(np.abs(np.linalg.norm(n, axis=1) - 1.0) > 1e-9):
         raise InputError(f"normals have lengths {np.linalg.norm(n, axis=1)}: must be unit vectors")
-    x = x - dilation * n
+    centres, radii = tangent_balls(x, n, dilation, slack, largest_radius)
+    return ball_polyhedron(centres, radii, dilation, name=name, normalise=normalise)
+
+
+def tangent_balls(
+    points: NDArray, normals: NDArray, dilation: float, slack: float, largest_radius: float
+) -> tuple[NDArray, NDArray]:
+    """Centres (n, 3) and radii (n,) of the balls whose dilation touches the target: see `tangent_ball_polyhedron`."""
+    x = points - dilation * normals
     size = 2.0 * np.linalg.norm(x - x.mean(axis=0), axis=1).max()
-    radius = np.minimum(slack * least_tangent_radii(x, n, size), largest_radius * size)
-    return ball_polyhedron(x - radius[:, None] * n, radius, dilation, name=name, normalise=normalise)
+    radius = np.minimum(slack * least_tangent_radii(x, normals, size), largest_radius * size)
+    return x - radius[:, None] * normals, radius
 
 
 def ball_of_faces(count: int, dilation: float = 0.02, slack: float = SLACK) -> BallPolyhedron:

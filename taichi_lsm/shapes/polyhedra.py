@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from .ball_polyhedron import BallPolyhedron
-from .corner_radius import meeting_corner
-from .dilated_balls import ball_polyhedron_and_frame, tangent_ball_polyhedron
+from .corner_radius import radius_for_corner
+from .dilated_balls import ball_polyhedron_and_frame, corner_of_balls, tangent_ball_polyhedron
 from .geometry import deepest_point, even_directions, polygon_integrals
 from .input_checks import check_at_least, check_between, check_positive, number_array
 
@@ -79,10 +79,18 @@ def from_planes_and_frame(
         raise InputError(
             f"corner_radius = {corner_radius}: must be above 0 and below the inscribed radius, {inscribed:.6g}"
         )
-    vertices = corners_of(n, h - corner_radius, middle)
+    centres, radii = _balls_of_planes(n, h, middle, corner_radius, flatness)
+    return ball_polyhedron_and_frame(centres, radii, corner_radius, name)
+
+
+def _balls_of_planes(
+    n: NDArray, h: NDArray, inside: NDArray, corner_radius: float, flatness: float
+) -> tuple[NDArray, NDArray]:
+    """Centres (m, 3) and radii (m,) of the balls of the faces, given a point inside: see `from_planes`."""
+    vertices = corners_of(n, h - corner_radius, inside)
     points, kept = _face_centres(vertices, n, h - corner_radius)
     radius = flatness * 2.0 * np.linalg.norm(points - points.mean(axis=0), axis=1).max()
-    return ball_polyhedron_and_frame(points - radius * n[kept], np.full(len(kept), radius), corner_radius, name)
+    return points - radius * n[kept], np.full(len(kept), radius)
 
 
 def corners_of(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
@@ -100,18 +108,15 @@ def corners_of(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
 def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, NDArray]:
     """Centroid (m, 3) of each face that is not tiny, and which planes those are (m,)."""
     size = np.ptp(vertices, axis=0).max()
+    planes = np.linalg.svd(n[:, None])[2][:, 1:]  # two axes (2, 3) of each
     centres, kept = [], []
-    for i in range(len(n)):
+    for i, across in enumerate(planes):
         own = vertices[np.abs(vertices @ n[i] - h[i]) < ON_PLANE * size]
         if len(own) < 3:
             continue
-        # The corners of the face in its own plane, in order, for the centroid of the polygon.
-        across = np.linalg.svd(n[i][None])[2][1:]
+        # The corners of the face in its own plane, in order round their mean, for the centroid of the polygon.
         flat = (own - own.mean(axis=0)) @ across.T
-        try:
-            hull = flat[scipy.spatial.ConvexHull(flat).vertices]
-        except scipy.spatial.QhullError:  # a face without width
-            continue
+        hull = flat[np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))]
         twice_area, six_first, _ = polygon_integrals(hull)
         if 0.5 * twice_area < LEAST_FACE * size**2:
             continue
@@ -231,5 +236,10 @@ def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedro
 
 def rounded_polyhedron(n: NDArray, h: NDArray, corner_radius: float, name: str) -> BallPolyhedron:
     """`from_planes` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE."""
-    _, inscribed = deepest_point(n, h)
-    return meeting_corner(lambda asked: from_planes(n, h, asked, name=name), corner_radius, inscribed)
+    middle, inscribed = deepest_point(n, h)
+
+    def balls(asked: float) -> tuple[NDArray, NDArray]:
+        return _balls_of_planes(n, h, middle, asked, FLATNESS)
+
+    asked = radius_for_corner(lambda asked: corner_of_balls(*balls(asked), asked), corner_radius, inscribed)
+    return ball_polyhedron_and_frame(*balls(asked), asked, name)[0].normalised()

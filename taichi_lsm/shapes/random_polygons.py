@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from .arc_chain import ArcChain
-from .corner_radius import meeting_corner
+from .corner_radius import radius_for_corner
 from .geometry import unit_normals
 from .input_checks import check_fewest_and_most
 from .polygon_fit import arc_chain
@@ -102,7 +102,8 @@ def random_polygons(
         m = int(rng.integers(sides[0], sides[1] + 1))
         u = unit_normals((np.arange(m) + rng.uniform() + rng.uniform(-JITTER, JITTER, m)) * 2.0 * np.pi / m)
         n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
-        return meeting_corner(partial(_touching, axes * u, n, slack, name), corner_radius, axes[1])
+        fit = partial(_touching, axes * u, n, slack, name)
+        return fit(radius_for_corner(lambda asked: fit(asked).overlap_limit, corner_radius, axes[1]))
 
     request = f"{sides = }, {elongation = }, {angularity = }, {corner_radius = }"
     return closed_grains(draw, count, seed, "random polygon", request)

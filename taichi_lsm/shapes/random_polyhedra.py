@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import scipy
 from numpy.random import Generator
@@ -11,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from .ball_polyhedron import BallPolyhedron
-from .corner_radius import meeting_corner
-from .dilated_balls import tangent_ball_polyhedron
+from .corner_radius import radius_for_corner
+from .dilated_balls import ball_polyhedron, corner_of_balls, tangent_balls
 from .geometry import even_directions
 from .input_checks import (
     Seed,
@@ -82,8 +80,12 @@ def random_polyhedra(
         u = u @ scipy.spatial.transform.Rotation.random(rng=rng).as_matrix().T
         u /= np.linalg.norm(u, axis=1, keepdims=True)
         n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
-        fit = partial(tangent_ball_polyhedron, axes * u, n, slack=slack, largest_radius=FLATNESS, name=name)
-        return meeting_corner(fit, corner_radius, axes[2])
+
+        def balls(dilation: float) -> tuple[NDArray, NDArray]:
+            return tangent_balls(axes * u, n, dilation, slack, FLATNESS)
+
+        dilation = radius_for_corner(lambda asked: corner_of_balls(*balls(asked), asked), corner_radius, axes[2])
+        return ball_polyhedron(*balls(dilation), dilation, name=name)
 
     request = f"{faces = }, {elongation = }, {angularity = }, {corner_radius = }"
     return closed_grains(draw, count, seed, "random", request)

@@ -20,6 +20,30 @@ def test_random_angular_polyhedra_are_the_same_whatever_the_count():
         random_angular_polyhedra(1, 7, corner_radius=0.6)
 
 
+@pytest.mark.parametrize(
+    ("make", "inertia", "bounding_radius", "lever"),
+    [
+        (
+            lambda: random_angular_polyhedra(1, 1),
+            [0.0475320125291, 0.0562349334268, 0.0626164830011],
+            0.640558929640,
+            0.486559455771,
+        ),
+        (
+            lambda: random_polyhedra(1, 3),
+            [0.0521983353672, 0.0527544160953, 0.0533155651589],
+            0.566933923635,
+            0.285317038559,
+        ),
+    ],
+    ids=["angular", "random"],
+)
+def test_seeds_keep_their_shapes(make, inertia, bounding_radius, lever):
+    (shape,) = make()  # values of the first version of the makers
+    assert shape.inertia == pytest.approx(inertia, rel=1e-11)
+    assert (shape.bounding_radius, shape.lever) == pytest.approx((bounding_radius, lever), rel=1e-11)
+
+
 def aspect(shape):
     """Longest over shortest axis of the ellipsoid of equal moments."""
     second = shape.inertia.sum() / 2 - shape.inertia
