@@ -22,6 +22,9 @@ from .voronoi_tiles import SHORT_SIDE, polygon_measures
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 LEAST_TURN = 1e-6  # rad: a corner that turns by less joins its two sides into one
+LARGEST_RADIUS = 10.0  # of an arc, in equivalent diameters, unless long sides need more
+SPANNING_RADIUS = 11.65  # likewise: sides that need more than this get it
+LARGEST_BULGE = 0.125  # of the width of the polygon: by how much a side may stand out
 SIDE_SHARE = 0.25  # of a corner's angle: the most that the arc of a side may take from it
 
 
@@ -175,7 +178,7 @@ def from_polygon(
     side_half_width: float = np.radians(3.0),
     arcs_per_corner: int = 1,
     *,
-    largest_radius: float = 10.0,
+    largest_radius: float | None = None,
     name: str = "rounded polygon",
     normalise: bool = True,
 ) -> ArcChain:
@@ -189,11 +192,13 @@ def from_polygon(
         Least radius of an arc [L], > 0 and at most the inscribed radius of the polygon.
     side_half_width : float
         Each side gets one arc that turns by this angle [rad] to either side of its normal, above 0 and below pi/2;
-        less beside blunt corners.
+        less beside blunt corners and where the side would bulge by more than an eighth of the width of the polygon.
     arcs_per_corner : int
         Number of equal arcs of each corner, >= 1.
-    largest_radius : float
-        Bound on the radius of every arc, in equivalent diameters of the polygon.
+    largest_radius : float, optional
+        Bound on the radius of every arc, in equivalent diameters of the polygon; a side that it cannot span is cut
+        short. By default 10, which costs less than 1 % of the area, but what spans them for sides that need more than
+        11.65, which are those longer than 1.22 diameters if `side_half_width` is 3 degrees.
     name : str
         What pictures and files call the shape.
     normalise : bool
@@ -216,33 +221,53 @@ def from_polygon(
     Linear programme: maximise sum r_i dtheta_i over the first point and the radii, subject to closure, to the support
     h(side normal) <= side distance, and to corner_radius <= r_i <= largest_radius. A disc that fits is feasible, so
     the programme is feasible exactly for corner radii up to the inscribed radius of the polygon.
+
+    An arc that spans a side of length L and turns by the angle a to either side of the normal has the radius
+    L/(2 sin a), stands L tan(a/2)/2 behind its corners and leaves out L^2 tan(a/2)/6 of the area, nearly.
     """
     points, size = _convex_sides(vertices)
     _check_fit(size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
+    breaks, radius = _arcs_within(points, size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
+    return arc_chain(breaks, radius if normalise else size * radius, name=name, normalise=normalise)
+
+
+def _arcs_within(
+    points: NDArray,
+    size: float,
+    corner_radius: float,
+    side_half_width: float,
+    arcs_per_corner: int,
+    largest_radius: float | None,
+) -> tuple[NDArray, NDArray]:
+    """Break angles [rad] and radii (n,) of the chain that `from_polygon` describes, for corners (k, 2) over `size`."""
     side = np.roll(points, -1, axis=0) - points
     phi = np.unwrap(np.arctan2(-side[:, 0], side[:, 1]))
     normal = unit_normals(phi)
     distance = np.sum(normal * points, axis=1)
-    breaks = _break_angles(phi, side_half_width, arcs_per_corner)
-    least = corner_radius / size
-    radius = _fit_radii(breaks, arcs_per_corner + 1, normal, distance, least, largest_radius)
+    length, width = np.linalg.norm(side, axis=1), distance - (points @ normal.T).min(axis=0)
+    flat = np.minimum(side_half_width, 2.0 * np.arctan(2.0 * LARGEST_BULGE * width / length))
+    breaks, half = _break_angles(phi, flat, arcs_per_corner)
+    most = np.full((len(phi), arcs_per_corner + 1), largest_radius or LARGEST_RADIUS)
+    if largest_radius is None:
+        most[:, 0] = _spanning_radii(length, half, side_half_width)
+    radius = _fit_radii(breaks, normal, distance, corner_radius / size, most)
     if radius is None:
         _, inscribed = deepest_point(normal, distance)
         raise InputError(
             f"corner_radius = {corner_radius}: too large for the polygon, at most {inscribed * size:.6g} fits"
         )
-    return arc_chain(breaks, radius if normalise else size * radius, name=name, normalise=normalise)
+    return breaks, radius
 
 
 def _check_fit(
-    size: float, corner_radius: float, side_half_width: float, arcs_per_corner: int, largest_radius: float
+    size: float, corner_radius: float, side_half_width: float, arcs_per_corner: int, largest_radius: float | None
 ) -> None:
     """Refuse parameters of `from_polygon` out of range, for a polygon of equivalent diameter `size`."""
     if not 0 < side_half_width < 0.5 * np.pi:
         raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
     check_at_least("arcs_per_corner", arcs_per_corner, 1)
     check_positive("corner_radius", corner_radius)
-    if not corner_radius <= largest_radius * size:
+    if largest_radius is not None and not corner_radius <= largest_radius * size:
         raise InputError(
             f"largest_radius = {largest_radius} polygon diameters: must be at least the corner radius, "
             f"{corner_radius / size:.6g} of them, or no chain exists"
@@ -278,20 +303,34 @@ def _exterior_angles(points: NDArray) -> NDArray:
     return np.arctan2(cross_2d(before, after), np.sum(before * after, axis=1))
 
 
-def _break_angles(phi: NDArray, half_width: float, arcs_per_corner: int) -> NDArray:
-    """First normal angle of every arc: for each side its own arc, then those of the corner after it."""
+def _spanning_radii(length: NDArray, half: NDArray, asked: float) -> NDArray:
+    """Greatest radius of the arc of each side: LARGEST_RADIUS, or what spans a long one that turns by 2 half [rad].
+
+    asked: the half-width without its reduction beside blunt corners, which decides what is long.
+    """
+    long = length > 2.0 * SPANNING_RADIUS * np.sin(asked)
+    return np.where(long, np.maximum(LARGEST_RADIUS, length / (2.0 * np.sin(half))), LARGEST_RADIUS)
+
+
+def _break_angles(phi: NDArray, half_width: NDArray, arcs_per_corner: int) -> tuple[NDArray, NDArray]:
+    """First normal angle of every arc: for each side its own arc, then those of the corner after it.
+
+    And the half-width of the arc of each side, which is less than asked beside blunt corners.
+    """
     angle = np.diff(phi, append=phi[0] + 2 * np.pi)  # of the corner after each side
     half = np.minimum(half_width, SIDE_SHARE * np.minimum(angle, np.roll(angle, 1)))
     side_end = phi + half
     step = (angle - half - np.roll(half, -1)) / arcs_per_corner
     corner = side_end[:, None] + step[:, None] * np.arange(arcs_per_corner)
-    return np.column_stack([phi - half, corner]).ravel()
+    return np.column_stack([phi - half, corner]).ravel(), half
 
 
-def _fit_radii(
-    breaks: NDArray, arcs_per_side: int, normal: NDArray, distance: NDArray, least: float, most: float
-) -> NDArray | None:
-    """Radii (n,) of the longest chain in normal . x <= distance, None if none fits: see `from_polygon`."""
+def _fit_radii(breaks: NDArray, normal: NDArray, distance: NDArray, least: float, most: NDArray) -> NDArray | None:
+    """Radii (n,) of the longest chain in normal . x <= distance, None if none fits: see `from_polygon`.
+
+    most (sides, arcs per side): greatest radius of each arc, first that of the side.
+    """
+    arcs_per_side, most = most.shape[1], most.ravel()
     seam = unit_normals(breaks)
     count = breaks.size
     step = np.roll(seam, -1, axis=0) - seam
@@ -311,7 +350,7 @@ def _fit_radii(
         b_ub=distance,
         A_eq=closure,
         b_eq=[0, 0],
-        bounds=[(None, None)] * 2 + [(least, most)] * count,
+        bounds=[(None, None)] * 2 + [(least, m) for m in most],
         method="highs",
         options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
     )
@@ -322,13 +361,13 @@ def _fit_radii(
     return closed_radii(np.clip(answer.x[2:], least, most), step, least, most)
 
 
-def closed_radii(radius: NDArray, step: NDArray, least: float, most: float) -> NDArray:
+def closed_radii(radius: NDArray, step: NDArray, least: float, most: ArrayLike) -> NDArray:
     """The radii (n,), changed as little as closes the chain to rounding; a solver leaves it open by 1e-10.
 
     step (n, 2): n_(i+1) - n_i of every arc. Only radii off their bounds `least` and `most` change.
     """
     radius = np.where(radius < least * (1 + 1e-9), least, radius)
-    free = (radius > least) & (radius < most * (1 - 1e-9))
+    free = (radius > least) & (radius < np.asarray(most) * (1 - 1e-9))
     if free.sum() >= 2:
         radius[free] -= np.linalg.lstsq(step[free].T, step.T @ radius, rcond=None)[0]
     return radius

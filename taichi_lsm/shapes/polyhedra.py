@@ -16,6 +16,8 @@ from .input_checks import check_at_least, check_between, check_positive, number_
 FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the body
 ON_PLANE = 1e-7  # of the size: the library that finds the corners merges planes that nearly meet in one
 LEAST_FACE = 1e-3  # of a tile's squared size: smaller faces are left to the rounding
+LEAST_SECTION = 1e-2  # of the mean cross-section parallel to the face: likewise
+LARGEST_BULGE = 0.125  # of the width of the body: by how much a face may stand out
 
 
 def from_planes(
@@ -23,7 +25,7 @@ def from_planes(
     distances: ArrayLike,
     corner_radius: float,
     *,
-    flatness: float = FLATNESS,
+    flatness: float | None = None,
     name: str = "rounded polyhedron",
     normalise: bool = True,
 ) -> BallPolyhedron:
@@ -37,8 +39,9 @@ def from_planes(
         Distances of the planes from the origin, in any unit of length L.
     corner_radius : float
         Radius of edges and vertices [L], above 0 and below the radius of the largest ball within the planes.
-    flatness : float
-        Radius of the balls of the faces in sizes of the body, > 0.
+    flatness : float, optional
+        Radius of the balls of the faces in sizes of the body, > 0; by default 5, and for long or flat bodies as much
+        as keeps every face from standing out by more than an eighth of the width of the body there.
     name : str
         What pictures and files call the shape.
     normalise : bool
@@ -56,15 +59,16 @@ def from_planes(
 
     Notes
     -----
-    Each ball touches its plane at the centre of the face, inset by the corner radius; planes without a face are left
-    out.
+    Each ball touches its plane at the centre of the face, inset by the corner radius; planes without a face, and with
+    one that is tiny, are left out. A ball of radius R falls back by rho^2/(2 R) at a corner at the distance rho from
+    there.
     """
     shape, _, _ = from_planes_and_frame(normals, distances, corner_radius, flatness, name)
     return shape.normalised() if normalise else shape
 
 
 def from_planes_and_frame(
-    normals: ArrayLike, distances: ArrayLike, corner_radius: float, flatness: float = FLATNESS, name: str = "tile"
+    normals: ArrayLike, distances: ArrayLike, corner_radius: float, flatness: float | None = None, name: str = "tile"
 ) -> tuple[BallPolyhedron, NDArray, NDArray]:
     """As `from_planes` in the unit of the planes: (shape, its centre of mass (3,), its frame (3, 3)).
 
@@ -73,7 +77,8 @@ def from_planes_and_frame(
     n, h = number_array("normals", normals), number_array("distances", distances)
     if n.ndim != 2 or n.shape[1] != 3 or h.shape != n.shape[:1] or len(n) < 4:
         raise InputError(f"normals and distances have shapes {n.shape}, {h.shape}: must be (n, 3), (n,), n >= 4")
-    check_positive("flatness", flatness)
+    if flatness is not None:
+        check_positive("flatness", flatness)
     middle, inscribed = deepest_point(n, h)
     if not 0 < corner_radius < inscribed:
         raise InputError(
@@ -84,12 +89,17 @@ def from_planes_and_frame(
 
 
 def _balls_of_planes(
-    n: NDArray, h: NDArray, inside: NDArray, corner_radius: float, flatness: float
+    n: NDArray, h: NDArray, inside: NDArray, corner_radius: float, flatness: float | None = None
 ) -> tuple[NDArray, NDArray]:
     """Centres (m, 3) and radii (m,) of the balls of the faces, given a point inside: see `from_planes`."""
     vertices = corners_of(n, h - corner_radius, inside)
-    points, kept = _face_centres(vertices, n, h - corner_radius)
-    radius = flatness * 2.0 * np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    points, kept, reach = _face_centres(vertices, n, h - corner_radius)
+    size = 2.0 * np.linalg.norm(points - points.mean(axis=0), axis=1).max()
+    if flatness is None:
+        width = h[kept] + corner_radius - (n[kept] @ vertices.T).min(axis=1)
+        radius = max(FLATNESS * size, (reach**2 / (2.0 * LARGEST_BULGE * width)).max())
+    else:
+        radius = flatness * size
     return points - radius * n[kept], np.full(len(kept), radius)
 
 
@@ -105,11 +115,14 @@ def corners_of(n: NDArray, h: NDArray, inside: NDArray) -> NDArray:
     return vertices
 
 
-def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, NDArray]:
-    """Centroid (m, 3) of each face that is not tiny, and which planes those are (m,)."""
+def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Centroid (m, 3) of each face that is not tiny, which planes those are (m,), and how far their corners are (m,).
+
+    A face is tiny by LEAST_FACE and, so that rods keep their ends, by LEAST_SECTION too.
+    """
     size = np.ptp(vertices, axis=0).max()
     planes = np.linalg.svd(n[:, None])[2][:, 1:]  # two axes (2, 3) of each
-    centres, kept = [], []
+    centres, kept, reach = [], [], []
     for i, across in enumerate(planes):
         own = vertices[np.abs(vertices @ n[i] - h[i]) < ON_PLANE * size]
         if len(own) < 3:
@@ -119,12 +132,16 @@ def _face_centres(vertices: NDArray, n: NDArray, h: NDArray) -> tuple[NDArray, N
         hull = flat[np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))]
         twice_area, six_first, _ = polygon_integrals(hull)
         if 0.5 * twice_area < LEAST_FACE * size**2:
-            continue
-        centres.append(own.mean(axis=0) + six_first / (3.0 * twice_area) @ across)
+            section = scipy.spatial.ConvexHull(vertices).volume / (h[i] - (vertices @ n[i]).min())
+            if 0.5 * twice_area < LEAST_SECTION * section:
+                continue
+        middle = six_first / (3.0 * twice_area)
+        centres.append(own.mean(axis=0) + middle @ across)
         kept.append(i)
+        reach.append(np.linalg.norm(flat - middle, axis=1).max())
     if not kept:
         raise InputError("normals, distances: the planes enclose no body with a face that is not tiny")
-    return np.array(centres), np.array(kept)
+    return np.array(centres), np.array(kept), np.array(reach)
 
 
 def superellipsoid(
@@ -239,7 +256,7 @@ def rounded_polyhedron(n: NDArray, h: NDArray, corner_radius: float, name: str) 
     middle, inscribed = deepest_point(n, h)
 
     def balls(asked: float) -> tuple[NDArray, NDArray]:
-        return _balls_of_planes(n, h, middle, asked, FLATNESS)
+        return _balls_of_planes(n, h, middle, asked)
 
     asked = radius_for_corner(lambda asked: corner_of_balls(*balls(asked), asked), corner_radius, inscribed)
     return ball_polyhedron_and_frame(*balls(asked), asked, name)[0].normalised()

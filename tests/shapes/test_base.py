@@ -29,7 +29,7 @@ def test_a_shape_prints_on_one_line_what_its_surface_consists_of(angular):
         "overlap limit 0.05, bounding radius 0.",
         lsm.shapes.clump([(0, 0), (1, 0)], [1.0, 1.0]): "PatchGrain('clump', 2 patches, overlap limit 0.3",
         lsm.shapes.clump([(0, 0)], [1.0]): "PatchGrain('clump', 1 patch, overlap limit 0.5, bounding radius 0.5)",
-        lsm.shapes.crossed_bars(): "Union('cross 3', 2 parts, 16 patches, overlap limit 0.0548, bounding radius 0.",
+        lsm.shapes.crossed_bars(): "Union('cross 3', 2 parts, 16 patches, overlap limit 0.0511, bounding radius 0.",
         angular_aggregate(5, 2, 0.05): "Aggregate(5 pieces, ",
     }
     for grain, start in grains.items():

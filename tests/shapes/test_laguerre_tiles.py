@@ -125,6 +125,7 @@ def test_every_grain_keeps_the_gap_inside_its_tile(radii):
 def test_a_plane_too_small_for_a_face_of_its_own_is_kept_all_the_same(monkeypatch):
     """A cube with a corner cut off, where faces as small as the cut are left out: the first fit reaches through it."""
     monkeypatch.setattr(polyhedra, "LEAST_FACE", 0.04)
+    monkeypatch.setattr(polyhedra, "LEAST_SECTION", 1.0)
     normals = np.concatenate([np.eye(3), -np.eye(3), np.ones((1, 3)) / np.sqrt(3)])
     distances = np.concatenate([np.full(6, 0.5), [np.sqrt(0.75) - 0.12]])
     tile = Tile(np.array([5.0, 6.0, 7.0]), normals, distances, np.zeros(7, int), np.zeros((0, 3)), 1.0)

@@ -145,7 +145,7 @@ def needle(bench: Bench) -> float:
     """
     rod = box(10.0, 1.0, 1.0)
     upright = rotation(Z, 0.5 * np.pi)
-    half = 0.5 * 10.0 * (np.pi / 60.0) ** (1.0 / 3.0)
+    half = float(rod.support([X])[0])
     return worst_impact(bench, (impact((rod, rod), (upright, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.5, 0.95)))
 
 
@@ -154,7 +154,7 @@ def plate(bench: Bench) -> float:
     """A plate hits another with its rim, flat on and near the rim: thin edges against wide faces."""
     flake = box(10.0, 10.0, 1.0)
     facing = rotation(Y, 0.5 * np.pi)
-    half = 0.5 * 10.0 * (np.pi / 600.0) ** (1.0 / 3.0)
+    half = float(flake.support([X])[0])
     return worst_impact(bench, (impact((flake, flake), (facing, AS_IT_IS), offset=(y * half, 0.0)) for y in (0.0, 0.9)))
 
 
