@@ -18,13 +18,14 @@ from .core.errors import InputError, finite
 from .core.fields import orientation_size, rotation_size
 from .effects.base import Effect
 from .shapes import GrainShape
+from .shapes.base import ConvexPart
 from .stepping.guards import Guards
 from .stepping.verlet import VelocityVerlet
 
 if TYPE_CHECKING:
     from .scene import Scene
 
-UNIT_TOLERANCE = 1e-9  # of the norm of a unit quaternion
+UNIT_TOLERANCE = 1e-9  # of the norm of a unit quaternion, and of the radius of equal arcs
 TABLES = {"effects": Effect, "shapes": GrainShape, "platens": Platen, "walls": PlaneWall}  # classes of their entries
 
 
@@ -173,7 +174,7 @@ def _check_effects(scene: Scene) -> None:
 
 
 def _check_shapes(scene: Scene) -> None:
-    """Shapes of this dimension, of one kind of surface, which has the curvature that the effects need."""
+    """Shapes of this dimension, of one kind of surface, with the curvature that the effects need."""
     wrong = [s.name for s in scene.shapes if s.dim != scene.dim]
     if wrong:
         raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {scene.dim}D")
@@ -184,3 +185,16 @@ def _check_shapes(scene: Scene) -> None:
             f"Scene.effects: {curved} need one radius of curvature at the contact, which grains with {kind} "
             f"surfaces do not have; shapes must be discs, spheres or arc chains"
         )
+    stored = [e.name for e in scene.effects if e.radius_stored]
+    uneven = [s.name for s in scene.shapes if any(not _one_radius(part) for part in s.parts)]
+    if stored and uneven:
+        raise InputError(
+            f"Scene.effects: {stored} store energy that depends on the radius of curvature, which jumps at the seams "
+            f"of {uneven[0]!r}: no step would conserve it; use LinearElastic with CoulombFriction, or discs and spheres"
+        )
+
+
+def _one_radius(part: ConvexPart) -> bool:
+    """Whether all patches of a convex part have one radius."""
+    radius = part.patches()[1]
+    return bool(np.ptp(radius) <= UNIT_TOLERANCE * radius.max())

@@ -12,6 +12,8 @@ phase           When the effect acts. On contacts, in this order: "normal", "dam
 units           {parameter: UDUNITS string}, one entry per field of the dataclass.
 history         `HistoryValue`s kept per contact, zero in a new contact; may depend on the instance.
 needs           Names of optional inputs of a contact that this effect reads; see `OPTIONAL`.
+radius_stored   True if the energy that it stores depends on the reduced radius, which then may not jump at a seam:
+                scenes refuse it for grains of unequal arcs.
 adds_moment     True if it adds to `contact.contact_moment`.
 role            A scene may list one effect of each role, such as "friction"; "" if it may stand beside others.
 dissipates      True if it dissipates energy: it gets a channel of its own in the energy budget and in files.
@@ -230,6 +232,7 @@ class Effect:
     units: ClassVar[Mapping[str, str]] = {}
     history: tuple[HistoryValue, ...] = ()
     needs: ClassVar[tuple[str, ...]] = ()
+    radius_stored: ClassVar[bool] = False
     adds_moment: ClassVar[bool] = False
     role: ClassVar[str] = ""
     dissipates: ClassVar[bool] = False

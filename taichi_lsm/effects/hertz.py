@@ -24,8 +24,8 @@ class Hertz(Effect):
     Notes
     -----
     1/R = 1/R_k + 1/R_l of the radii of curvature where the grains touch. In 2D grains are spheres that move in one
-    plane. With arcs of unequal radii the force jumps where the contact crosses a seam, and the energy with it; chains
-    of equal arcs conserve it. Not for grains with edges, which have no single radius there.
+    plane. With arcs of unequal radii the force would jump where the contact crosses a seam, and the energy with it:
+    scenes refuse such chains, and grains with edges, which have no single radius there.
 
     No energy is dissipated and nothing is remembered. The stable step is that of a spring with the stiffness at a depth
     of a tenth of the grain; deeper the stiffness rises as the root of the depth.
@@ -41,6 +41,7 @@ class Hertz(Effect):
     phase = "normal"
     role = "elasticity"
     needs = ("reduced_radius",)
+    radius_stored = True
     equation = "F_n = 4/3 E* sqrt(R) d^1.5"
     units: ClassVar = {"youngs_modulus": "Pa", "poissons_ratio": "1"}
 

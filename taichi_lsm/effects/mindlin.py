@@ -78,6 +78,7 @@ class Mindlin(Effect):
     phase = "tangential"
     role = "friction"
     needs = ("reduced_radius",)
+    radius_stored = True
     dissipates = True
     equation = "dF_t = k_t (1 - |F_t - F_0|/(c mu F_n))^(1/3) du,  |F_t| <= mu F_n"
     units: ClassVar = {"coefficient": "1", "youngs_modulus": "Pa", "poissons_ratio": "1"}

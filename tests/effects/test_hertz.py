@@ -104,3 +104,17 @@ def test_refusals():
         scenes.scene(np.zeros((1, 3)), [lsm.effects.Hertz(E, NU), lsm.LinearElastic(1.0)])
     with pytest.raises(lsm.InputError, match=r"hertz.*radius of curvature.*polyhedron"):
         scenes.scene(np.zeros((1, 3)), [lsm.effects.Hertz(E, NU)], shapes=[lsm.shapes.ball_of_faces(12, 0.1)])
+
+
+def test_unequal_arcs_are_refused_whose_seams_would_make_the_energy_jump():
+    box = lsm.shapes.from_polygon([(0, 0), (2, 0), (2, 1), (0, 1)], 0.1)
+    disc = lsm.shapes.regular_disc_of_arcs(30)
+    pair = lsm.shapes.union([lsm.shapes.place_part(disc, (x, 0.0)) for x in (-0.3, 0.3)])
+    one = np.zeros((1, 2))
+    for shape in (box, lsm.shapes.crossed_bars()):
+        for more in ([], [lsm.effects.Mindlin(0.3, E, NU)]):
+            with pytest.raises(lsm.InputError, match=r"hertz.*jumps at the seams.*LinearElastic"):
+                scenes.scene(one, [lsm.effects.Hertz(E, NU), *more], shapes=[shape])
+        scenes.scene(one, [lsm.LinearElastic(1.0), lsm.effects.RollingResistance(0.1, 1.0)], shapes=[shape])
+    for shape in (lsm.disc(), disc, pair):
+        scenes.scene(one, [lsm.effects.Hertz(E, NU)], shapes=[shape])

@@ -69,6 +69,7 @@ BOND = {"name": "elastic_brittle_bond", "youngs_modulus": 1e9, "poissons_ratio":
     ("values", "effect", "words"),
     [
         ({"shape": "angular", "dim": 3}, HERTZ, "need one radius of curvature"),
+        ({"shape": "angular", "dim": 2}, HERTZ, "jumps at the seams"),
         ({}, GRAVITY, "must be 2 numbers"),
         ({}, BOND, "bond"),
     ],
