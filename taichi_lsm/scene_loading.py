@@ -47,3 +47,4 @@ def load_state(sim: Any) -> None:
         state.shape_index.from_numpy(scene.shape_index)
         state.diameter.from_numpy(scene.diameter)
         state.overlap_limit.from_numpy(scene.per_grain("overlap_limit"))
+        sim.search.set_half_widths(scene.per_grain("half_width"))

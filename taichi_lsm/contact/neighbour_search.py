@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.allocation import when_allocated, write
+from ..core.allocation import read, when_allocated, write
 from ..core.errors import SimulationError
 from ..core.runtime import current, ti
 from .cell_grid import SparseGrid
@@ -55,8 +55,22 @@ class NeighbourSearch:
         # platen, and of one that moves too far in a step.
         self.error_id = ti.field(ti.i32, 3)
         self.fastest = ti.field(ti.f64, ())
+        # Half the least width of the grain of each id [m], where it is not the radius.
+        self.half_width = ti.field(self.real, grains.slot_of.shape[0]) if spec.shaped else None
         self.searches = 0
         when_allocated(lambda: self.set_skin(skin))
+
+    def set_half_widths(self, values: NDArray) -> None:
+        """Set half the least width of every shaped grain, by id (n,) [m]."""
+        write(self.half_width, values)
+
+    @ti.func
+    def half_width_of(self, k):
+        """Half the least width of grain k [m]: what another grain must not jump over in a step."""
+        length = self.grains.radius[k]
+        if ti.static(self.spec.shaped):
+            length = self.half_width[self.grains.id[k]]
+        return length
 
     def set_skin(self, skin: float) -> None:
         """Set the skin [m], and cells as wide as it and the largest grain need; the radii must be known."""
@@ -164,7 +178,7 @@ class NeighbourSearch:
 
     @ti.kernel
     def count_partners(self, jump: ti.f64) -> ti.i32:
-        """Number of pairs to be listed; jump [s]: a grain that moves by more than its radius in it is reported."""
+        """Number of pairs to be listed; jump [s]: a grain that moves by more than half its width in it is reported."""
         for i in ti.static(range(3)):
             self.error_id[i] = 0
         self.fastest[None] = 0.0
@@ -196,7 +210,7 @@ class NeighbourSearch:
         if ti.static(self.spec.sheared):
             v[0] -= self.domain.shear_rate[0] * g.position[k][1]
         speed = v.norm()
-        if g.platen_index[k] < 0 and speed * jump > g.radius[k]:
+        if g.platen_index[k] < 0 and speed * jump > self.half_width_of(k):
             self.error_id[JUMPING] = g.id[k] + 1
         # Greatest speed of a point of the grain: rotation moves parts, and with them their pairs.
         if ti.static(self.spec.multi_part):
@@ -261,12 +275,13 @@ class NeighbourSearch:
         return total
 
     def jump_error(self, k: int, dt: float, limit: float) -> SimulationError:
-        """Error that says that the grain of id k moves by more than `limit` of its radius in a step of dt [s]."""
+        """Error that says that the grain of id k moves by more than `limit` of half its width in a step of dt."""
         g = self.grains
         v = g.column("velocity")[k] - self.domain.mean_flow(g.column("position"))[k]
-        displacement = float(np.linalg.norm(v) * dt / g.column("radius")[k])
+        half_width = g.column("radius")[k] if self.half_width is None else read(self.half_width)[k]
+        displacement = float(np.linalg.norm(v) * dt / half_width)
         return SimulationError(
-            f"grain {k} moves by {displacement:.3g} of its bounding radius in one step, allowed is {limit:g}; "
+            f"grain {k} moves by {displacement:.3g} of half its least width in one step, allowed is {limit:g}; "
             f"use dt <= {limit / displacement * dt:g} s, or softer impacts",
             grains=[k],
             values={"displacement": displacement, "limit": limit},

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
-from .base import GrainShape, Patches, counted, frozen_array
+from .base import WIDTHS, GrainShape, Patches, counted, frozen_array
 from .geometry import even_directions
 from .input_checks import check_at_least, check_positive
 
@@ -189,6 +189,16 @@ class BallPolyhedron(GrainShape):
         """
         n = np.asarray(normals, dtype=np.float64)
         return np.sum(self.support_points(n) * n, axis=1)
+
+    def _directions(self) -> NDArray:
+        """See `GrainShape`: the mean corner normals of the faces, and even ones."""
+        corners = self.corner_normals()[: self.face_count]
+        faces = np.array([n.mean(axis=0) / np.linalg.norm(n.mean(axis=0)) for n in corners if len(n) > 2])
+        return np.concatenate([faces.reshape(-1, 3), even_directions(WIDTHS[3])])
+
+    def _reach_along(self, n: NDArray) -> NDArray:
+        """See `GrainShape`."""
+        return self.support(n)
 
     def patches(self) -> Patches:
         """See `GrainShape.patches`: faces, then vertices, each with the least cone about its mean normal."""

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
+from .geometry import even_directions, unit_normals
 from .input_checks import check_positive, number_array
 
 if TYPE_CHECKING:
     from .cone_patches import PatchGrain
+
+WIDTHS = {2: 180, 3: 500}  # even directions in which the width of a grain is tried, besides those of its patches
 
 # Centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and half-angle (patches,) [rad].
 Patches = tuple[NDArray, NDArray, NDArray, NDArray]
@@ -138,6 +142,28 @@ class GrainShape:
             Half-angles of the cones [rad]; pi for a full disc or sphere.
         """
         raise NotImplementedError
+
+    @cached_property
+    def half_width(self) -> float:
+        """Half the least distance of two parallel planes that hold the grain between them [diameter].
+
+        Of grains of several parts that of the thinnest one: what another grain has to cross.
+        """
+        n = self._directions()
+        width = self._reach_along(n) + self._reach_along(-n)
+        return min(self.bounding_radius, 0.5 * float(width.min()))
+
+    def _directions(self) -> NDArray:
+        """Unit vectors (k, dim) along which the width is tried: square to the patches, and even ones."""
+        even = even_directions(WIDTHS[3]) if self.dim == 3 else unit_normals(np.pi / WIDTHS[2] * np.arange(WIDTHS[2]))
+        return np.concatenate([self.patches()[2], even])
+
+    def _reach_along(self, n: NDArray) -> NDArray:
+        """Greatest x . n of the surface for each unit normal (k, dim); infinite where no patch has that normal."""
+        centre, radius, axis, half_angle = self.patches()
+        own = axis @ n.T >= np.cos(half_angle)[:, None] - 1e-9
+        reach = np.where(own, centre @ n.T + radius[:, None], -np.inf).max(axis=0)
+        return np.where(own.any(axis=0), reach, np.inf)
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
         """Balls that hold the parts, in the body frame.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -78,6 +79,11 @@ class Union(GrainShape):
         """See `GrainShape.patches`; part after part."""
         centre, radius, axis, half_angle = (np.concatenate(rows) for rows in zip(*(m.patches() for m in self.members)))
         return centre, radius, axis, half_angle
+
+    @cached_property
+    def half_width(self) -> float:
+        """See `GrainShape.half_width`: of the thinnest part."""
+        return min(m.half_width for m in self.members)
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
         """See `GrainShape.part_bounds`."""

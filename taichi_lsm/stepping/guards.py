@@ -16,7 +16,7 @@ class Guards:
     step : float
         Time step over the stable one of the contacts that exist [1].
     displacement : float
-        Displacement of a grain in one step, in its bounding radius [1].
+        Displacement of a grain in one step, over half the least width of its thinnest part [1].
     energy : float
         Error of the energy balance, in the energy exchanged [1].
     overlap : float

@@ -25,7 +25,7 @@ class Monitor:
 
     def __init__(self, sim, former=None):
         """former: the monitor of `sim` with smaller storage, whose memory goes on."""
-        self.sim, self.grains, self.domain = sim, sim.grains, sim.domain
+        self.sim, self.grains, self.domain, self.search = sim, sim.grains, sim.domain, sim.search
         self.spec = sim.spec
         # Contacts of each grain, counted anew at every check.
         self.contacts = former.contacts if former else ti.field(ti.i32, sim.grains.slot_of.shape[0])
@@ -57,7 +57,7 @@ class Monitor:
         """Fill `result` with the extremes that the guards compare.
 
         They are: the greatest sum of contacts/m over the two grains of a contact [kg-1] and their ids; the greatest
-        speed over bounding radius [s-1] and its id; the id of a grain whose state is not a number, or -1.
+        speed over half the least width [s-1] and its id; the id of a grain whose state is not a number, or -1.
         """
         g, p = self.grains, self.pairs
         n = g.count[None]
@@ -94,8 +94,9 @@ class Monitor:
                     lost = g.id[k]
                 if ti.static(self.spec.sheared):
                     v[0] -= self.domain.shear_rate[0] * x[1]
-                if g.platen_index[k] < 0 and v.norm() > fastest * g.radius[k]:
-                    fastest, fast = v.norm() / g.radius[k], g.id[k]
+                half_width = self.search.half_width_of(k)
+                if g.platen_index[k] < 0 and v.norm() > fastest * half_width:
+                    fastest, fast = v.norm() / half_width, g.id[k]
             result[0], result[1], result[2] = stiffest, first, second
             result[3], result[4], result[5] = fastest, fast, lost
 

@@ -81,3 +81,16 @@ def test_what_is_no_array_of_numbers_is_refused_by_name(value):
         lsm.shapes.from_polygon(value, 0.1)
     with pytest.raises(InputError, match="radii"):
         lsm.shapes.arc_chain([0.0, 2.0, 4.0], value)
+
+
+def test_half_width_is_that_of_the_thinnest_part():
+    box = lsm.shapes.from_polygon([(0, 0), (6, 0), (6, 1), (0, 1)], 0.1, normalise=False)
+    plate = 0.5 * np.array([20.0, 10.0, 1.0])
+    flake = lsm.shapes.from_planes(np.vstack([np.eye(3), -np.eye(3)]), np.tile(plate, 2), 0.2, normalise=False)
+    triangle = lsm.shapes.from_polygon([(0, 0), (2, 0), (1, 3**0.5)], 0.01, 1e-3, normalise=False)
+    cross = lsm.shapes.union([lsm.shapes.place_part(box, (0.0, 0.0), angle) for angle in (0.0, 1.0)])
+    for shape, half in ((box, 0.5), (flake, 0.5), (triangle, 0.5 * 3**0.5), (lsm.sphere(), 0.5), (lsm.disc(), 0.5)):
+        assert shape.half_width == pytest.approx(half, rel=0.02), shape
+    assert lsm.shapes.from_chain(box).half_width == pytest.approx(0.5, rel=0.02)
+    assert cross.half_width == pytest.approx(cross.parts[0].half_width)
+    assert cross.half_width < 0.3 * cross.bounding_radius
