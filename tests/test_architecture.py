@@ -111,6 +111,7 @@ def test_workflows_use_public_names_alone():
 
 
 EFFECTS_IMPORT = {
+    "taichi_lsm.core.allocation",
     "taichi_lsm.core.errors",
     "taichi_lsm.core.rotation",
     "taichi_lsm.core.runtime",
