@@ -58,7 +58,7 @@ def test_nothing_is_written_if_one_value_is_refused(fields):
     assert fields["number"][None] == 1.0
 
 
-def test_the_last_of_several_values_counts_and_no_change_of_the_array_after_it(fields):
+def test_of_two_values_the_later_one_is_written(fields):
     values = np.array([9.0, 9.0])
     with writing_together():
         write(fields["row"], [1])
