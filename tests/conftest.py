@@ -31,7 +31,7 @@ import taichi_lsm as lsm
 from tests.helpers import scenes
 
 MOST_NODES = 1024
-FULL = 600  # nodes in use after which a child begins no further test
+FULL = 800  # nodes in use after which a child begins no further test
 NO_ROOM = "Taichi nodes of"  # in the message of a test that finds no room for its simulation: it has another child
 TESTS = Path(__file__).parent
 SMALL_LAYER = {"layer_thickness": 8, "length": 10, "inertial_number": 5e-3, "strain": 0.5, "steady_from": 0.2}
@@ -204,12 +204,12 @@ def nodes_in_use():
     return highest(program.get_snode_root(trees - 1)) if trees else 0
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="session", params=[scenes.PRECISION], ids=[pytest.HIDDEN_PARAM])
 def runtime(request):
     """Taichi on one CPU thread, in the precision of the test."""
     from taichi_lsm.core.runtime import start
 
-    scenes.PRECISION = getattr(request, "param", scenes.PRECISION)
+    scenes.PRECISION = request.param
     return start("cpu", scenes.PRECISION, 1)
 
 
