@@ -10,7 +10,7 @@ from workflows import shear_gouge
 @pytest.mark.validate
 def test_friction_of_discs_cut_into_arcs(tmp_path):
     params = shear_gouge.Params(
-        length=15.0, layer_thickness=12.0, inertial_number=5e-3, strain=1.5, steady_from=0.5, seed=3
+        length=15.0, layer_thickness=12.0, inertial_number=5e-3, strain=3.0, steady_from=0.5, seed=3
     )
     means = {}
     for arcs in (1, 8, 30):
@@ -22,5 +22,5 @@ def test_friction_of_discs_cut_into_arcs(tmp_path):
     for arcs in (8, 30):
         apart = lsm.statistics.difference(means[arcs], means[1])
         assert apart.standard_error < 0.05
-        assert abs(apart.mean) < 2.0 * apart.standard_error, (arcs, means)
+        assert abs(apart.mean) < apart.half_width, (arcs, means)
     assert np.all([m.mean > 0.1 for m in means.values()])
