@@ -22,6 +22,7 @@ from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
 BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 COLOUR = {"sphere": BLUE, "angular": ORANGE}
 SMOOTH_STRAIN = 0.05  # width of the running mean of curves
+SINGLE_BELOW = 0.3  # rows by which single runs are drawn below their mean
 STYLE: dict[Any, Any] = {
     "font.size": 9.5,
     "axes.titlesize": 10.5,
@@ -37,7 +38,10 @@ STYLE: dict[Any, Any] = {
 
 @contextmanager
 def _figure(path, size):
-    """A figure that is saved at the end; needs no display and leaves the settings of matplotlib unchanged."""
+    """A figure that is saved at the end, its label as the description in the file.
+
+    It needs no display and leaves the settings of matplotlib unchanged.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -46,7 +50,7 @@ def _figure(path, size):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
-        figure.savefig(path)
+        figure.savefig(path, metadata={"Description": figure.get_label()})
 
 
 def plot_run(out: str | os.PathLike[str]) -> Path:
@@ -93,7 +97,8 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
         _draw_comparison(curves, series, found)
-        _draw_published(published, found)
+        _draw_published(published, found, {shape: _complete(table, shape).friction_mean.values for shape in series})
+        figure.set_label("; ".join(f"{_name(shape)}: {estimate_text(e)}" for shape, e in found.items()))
         drawn, layers = None, lower.subplots(1, 2)
         for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
             axes.set_title(f"({letter}) no complete run of {_name(shape)}")
@@ -120,9 +125,28 @@ def _sheared(dataset):
     return dataset.isel(time=dataset.stage.values == 2)
 
 
+def _complete(table, shape):
+    """The complete runs of a shape."""
+    return table.isel(run=((table["shape"] == shape) & (table.status == "complete")).values)
+
+
 def _estimate(table, shape):
-    own = table.isel(run=((table["shape"] == shape) & (table.status == "complete")).values)
-    return lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values)
+    own = _complete(table, shape)
+    return lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values, own.friction_ess.values)
+
+
+def estimate_text(estimate: lsm.statistics.Estimate) -> str:
+    """A mean as legends show it, such as "0.261, 95 % interval 0.252 to 0.270"."""
+    low, high = estimate.interval
+    known = f"95 % interval {low:.3f} to {high:.3f}" if np.isfinite(low) else "error unknown"
+    return f"{estimate.mean:.3f}, {known}"
+
+
+def _draw_mean(axes, since, last, estimate, **line):
+    """A mean as a dashed line and its 95 % interval, if it is known, as a band behind everything."""
+    axes.plot([since, last], [estimate.mean] * 2, color="black", ls=(0, (5, 3)), **line)
+    if np.isfinite(estimate.half_width):
+        axes.fill_between([since, last], *estimate.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
 
 
 def _name(shape):
@@ -160,21 +184,18 @@ def _draw_comparison(axes, series, found):
         curves = [np.interp(strain, s.shear_strain, _smooth(s.shear_strain.values, s.friction.values)) for s in sheared]
         since, estimate = _params(runs[0]).steady_from, found[shape]
         axes.fill_between(strain, np.min(curves, axis=0), np.max(curves, axis=0), color=COLOUR[shape], alpha=0.22, lw=0)
-        label = f"{_name(shape)}: {estimate.mean:.3f} ± {estimate.standard_error:.3f} ({len(runs)} runs)"
-        axes.plot(
-            strain, np.mean(curves, axis=0), color=COLOUR[shape], lw=1.4, label=label.replace("(1 runs)", "(1 run)")
-        )
-        axes.plot([since, strain[-1]], [estimate.mean] * 2, color="black", lw=1.1, ls=(0, (5, 3)))
+        label = f"{_name(shape)}: {estimate_text(estimate)} ({len(runs)} run{'s' * (len(runs) > 1)})"
+        axes.plot(strain, np.mean(curves, axis=0), color=COLOUR[shape], lw=1.4, label=label)
+        _draw_mean(axes, since, strain[-1], estimate, lw=1.1)
         top, last = max(top, np.max(curves)), max(last, strain[-1])
     if series:
-        axes.plot(
-            [], [], color="black", lw=1.1, ls=(0, (5, 3)), label=f"mean ± standard error from strain {since:g} on"
-        )
+        axes.plot([], [], color="black", lw=1.1, ls=(0, (5, 3)), label=f"mean from strain {since:g} on")
+        axes.fill_between([], [], color="black", alpha=0.2, lw=0, label="its 95 % interval")
         axes.axvline(since, 0.06, 0.72, color="0.6", lw=1, ls=":")
         axes.set_xlim(0, last)
         axes.legend(loc="upper left", fontsize=9.2)
     axes.set(ylim=(0, 1.42 * top), xlabel="shear strain [1]", ylabel="friction: shear stress / normal stress [1]")
-    note = f"line: mean of the runs, averaged over strain {SMOOTH_STRAIN:g}; band: least to greatest run"
+    note = f"line: mean of the runs, averaged over strain {SMOOTH_STRAIN:g}; coloured band: least to greatest run"
     axes.text(0.02, 0.02, note, transform=axes.transAxes, fontsize=8.5, color="0.3")
     axes.set_title("(a) friction of the sheared layer")
 
@@ -198,8 +219,11 @@ def published_rows() -> list[tuple]:
     ]
 
 
-def _draw_published(axes, found):
-    """Steady friction of this run beside published values, sorted by dimension, then by friction."""
+def _draw_published(axes, found, singles):
+    """Steady friction of this run, with its 95 % interval and the means of the single runs, beside published values.
+
+    Rows are sorted by dimension, then by friction.
+    """
     rows = published_rows()
     rows += [
         (2, e.mean, f"{_name(s).removesuffix(' grains')} 2D, this run", "this run", s, False, e)
@@ -210,7 +234,9 @@ def _draw_published(axes, found):
         colour = COLOUR[shape]
         if kind == "this run":
             axes.axhspan(y - 0.5, y + 0.5, color=colour, alpha=0.14, lw=0)
-            axes.errorbar(mean, y, xerr=values.standard_error, fmt="o", color=colour, ms=5.5, capsize=5, elinewidth=2)
+            width = np.nan_to_num(values.half_width)  # no bar if it is unknown
+            axes.errorbar(mean, y, xerr=width, fmt="o", color=colour, ms=5.5, capsize=5, elinewidth=2)
+            axes.plot(singles[shape], [y - SINGLE_BELOW] * len(singles[shape]), "|", color=colour, ms=7, mew=1.2)
             continue
         face = colour if kind == "laboratory" else "white"
         axes.plot(values, [y] * len(values), "s" if face == colour else "D", color=colour, ms=6, mfc=face, mew=1.5)
@@ -224,7 +250,10 @@ def _draw_published(axes, found):
             axes.axhline(y - 0.5, color="0.6", lw=0.8)
     axes.plot([], [], "s", color="0.3", ms=6, label="laboratory")
     axes.plot([], [], "D", color="0.3", ms=6, mfc="white", mew=1.5, label="simulation")
-    axes.errorbar([], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="this run")
+    axes.errorbar(
+        [], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="this run, 95 % interval"
+    )
+    axes.plot([], [], "|", color="0.3", ms=7, mew=1.2, label="single runs of it")
     axes.legend(loc="lower left", handletextpad=0.4, borderaxespad=0.2)
     axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
@@ -241,8 +270,7 @@ def _draw_friction(axes, sheared, params):
     axes.plot(strain, _smooth(strain, bulk), color=colour, lw=1.7, label=f"bulk, mean over strain {SMOOTH_STRAIN:g}")
     axes.plot(strain, _smooth(strain, platen), "k:", lw=1.2, label="the same at the top platen")
     steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
-    label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
-    axes.plot([params.steady_from, strain[-1]], [steady.mean] * 2, "k", ls=(0, (5, 3)), lw=1.2, label=label)
+    _draw_mean(axes, params.steady_from, strain[-1], steady, lw=1.2, label=f"steady: {estimate_text(steady)}")
     axes.set(xlim=(0, strain[-1]), ylim=(0, 1.3 * np.nanmax(bulk)), xlabel="shear strain [1]", ylabel="friction [1]")
     axes.legend(loc="upper left", ncols=2)
     axes.set_title("(a) friction: shear stress / normal stress")

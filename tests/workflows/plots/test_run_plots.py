@@ -58,6 +58,12 @@ def test_positions_are_wrapped_and_velocities_relative_to_the_platen(sheared):
     assert 0.1 < snapshot.velocity[~snapshot.glued].mean() < 0.9
 
 
+def test_a_mean_is_written_with_its_interval_or_with_the_word_unknown():
+    estimate = lsm.statistics.Estimate(0.2612, 0.002, 3.0, 2.0)
+    assert run_plots.estimate_text(estimate) == "0.261, 95 % interval 0.253 to 0.270"
+    assert run_plots.estimate_text(estimate._replace(standard_error=np.nan)) == "0.261, error unknown"
+
+
 def test_running_mean():
     assert np.allclose(run_plots.running_mean(np.full(7, 3.0), 4), 3.0)
     assert np.allclose(run_plots.running_mean(np.arange(5.0), 3), [0.5, 1, 2, 3, 3.5])
@@ -88,7 +94,7 @@ def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
     assert np.array_equal(drawn["in the bulk"][0], strain)
     assert np.array_equal(drawn["in the bulk"][1], rows.friction.values)
     steady = lsm.statistics.steady_ratio(rows.shear_stress, rows.normal_stress, params.steady_from)
-    label = f"steady: {steady.mean:.3f} ± {steady.standard_error:.3f}"
+    label = f"steady: {run_plots.estimate_text(steady)}"
     assert np.allclose(drawn[label], [(params.steady_from, strain[-1]), (steady.mean, steady.mean)])
     assert friction.get_xlim() == (0.0, strain[-1]) and friction.get_xlabel() == "shear strain [1]"
 
