@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +27,7 @@ from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.run_table import attributes_of
+from workflows.common.stopwatch import Stopwatch
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
 
@@ -38,6 +38,9 @@ Parameter = Literal[
     "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
 ]
 LEAST_LONG = 3.0  # strain
+# What to change where a claim does not hold.
+UNRESOLVED = "the errors measured here do not show the order of the scheme: use --preset standard on an idle machine"
+MISSED = "the neighbour list missed a pair: the skin is a fault of the code, please report it"
 
 
 Report = Callable[[str, str], None]  # takes label and state
@@ -234,10 +237,15 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
     at = int(np.argmin(np.abs(reference.value - 48)))
     of_paper = found["symplectic_euler", drift].cost_at(reference.error[at]) / reference.relative[at]
     metrics = {
-        "order_explicit_euler": Metric(explicit, "1", "below 0.5: the drift does not fall", explicit < 0.5),
-        "order_symplectic_euler": Metric(symplectic, "1", "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
-        "order_verlet": Metric(verlet, "1", "2 within 0.2", abs(verlet - 2.0) <= 0.2),
-        "order_onset_verlet": Metric(onset, "1", "at least 3", onset >= 3.0),
+        name: Metric(value, "1", bound, holds, remedy=UNRESOLVED)
+        for name, value, bound, holds in (
+            ("order_explicit_euler", explicit, "below 0.5: the drift does not fall", explicit < 0.5),
+            ("order_symplectic_euler", symplectic, "1 within 0.2", abs(symplectic - 1.0) <= 0.2),
+            ("order_verlet", verlet, "2 within 0.2", abs(verlet - 2.0) <= 0.2),
+            ("order_onset_verlet", onset, "at least 3", onset >= 3.0),
+        )
+    }
+    metrics |= {
         "order_forest_ruth": Metric(order("forest_ruth", after), "1"),
         "least_drift_explicit_euler": Metric(float(found["explicit_euler", drift].error.min()), "1"),
         "cost_ratio_paper_scheme": Metric(of_paper, "1"),
@@ -250,7 +258,7 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
     skins = [t for t in trials if t.parameter == "skin"]
     if skins:
         differ = max(t.error for t in skins)
-        metrics["skin_difference"] = Metric(differ, "m", "0: no pair may be missed", differ == 0.0)
+        metrics["skin_difference"] = Metric(differ, "m", "0: no pair may be missed", differ == 0.0, remedy=MISSED)
     for parameter, name in (("skin", "cost_of_skin"), ("convex parts", "cost_of_parts")):
         metrics |= {f"{name}_{t.value:g}": Metric(t.relative, "1") for t in trials if t.parameter == parameter}
     for (parameter, quantity), curve in found.items():
@@ -270,11 +278,11 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
-    began = time.perf_counter()
+    watch = Stopwatch()
 
     def report(label, state):
         if progress:
-            progress({"label": label, "state": f"{state}, {time.perf_counter() - began:.0f} s"})
+            progress({"label": label, "state": f"{state}, {watch.seconds:.0f} s"})
 
     trials = numerical(params, report) + of_shapes(params, report)
     of_layers, rows = physical(params, out, report)
@@ -288,6 +296,6 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     plot_work_precision(out / "work_precision.png", found)
     plot_summary(out / "tenfold.png", found)
     metrics = analyse(trials)
-    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    metrics |= watch.metrics()
     write_summary(out, "accuracy-cost", params.preset_name, metrics, quiet=progress is None)
     return table

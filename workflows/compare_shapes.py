@@ -1,13 +1,12 @@
 """Shear gouge of round and of angular grains under the same conditions, and compare their friction.
 
-Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; the difference of the two means and its
-standard error are computed from the means of the replicas.
+Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; standard errors and 95 % intervals of the
+two means and of their difference follow from the scatter of the replicas and from the errors within them.
 """
 
 from __future__ import annotations
 
 import os
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -17,11 +16,12 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.cli import signals
-from workflows.common.metrics import Metric, number, write_summary
+from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
+from workflows.common.stopwatch import Stopwatch
 from workflows.plots import run_plots
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     runs, out = build(params), Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
-    began = time.perf_counter()
+    watch = Stopwatch()
     # Angular grains take longer: started first, they do not leave a processor idle at the end.
     jobs = [(label, shear_gouge.__name__, runs[label], out / "runs" / label) for label in reversed(runs)]
     failure, status = None, "complete"
@@ -161,7 +161,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     if status != "interrupted":
         run_plots.plot_comparison(out)
     metrics = analyse(table)
-    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    metrics |= watch.metrics()
     if progress:
         print(table_text(table))
     write_summary(out, "compare-shapes", params.preset_name, metrics, quiet=progress is None)
@@ -208,7 +208,8 @@ def estimates(table: xarray.Dataset) -> dict[str, Any]:
     for shape in SHAPES:
         own = table.isel(run=(table["shape"].values == shape) & (table.status.values == "complete"))
         if own.sizes["run"]:
-            found[shape] = lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values)
+            columns = (own.friction_mean.values, own.friction_se.values, own.friction_ess.values)
+            found[shape] = lsm.statistics.combine_replicas(*columns)
     return found
 
 
@@ -216,16 +217,13 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
     """Metrics of the comparison; None where no run gives a value."""
     found, metrics = estimates(table), {}
     for shape in SHAPES:
-        mean = found[shape].mean if shape in found else None
-        error = found[shape].standard_error if shape in found else None
-        metrics |= {f"friction_{shape}_mean": Metric(mean, "1"), f"friction_{shape}_se": Metric(error, "1")}
+        metrics |= metrics_of_estimate(f"friction_{shape}_mean", f"friction_{shape}_se", found.get(shape))
     apart = lsm.statistics.difference(found["angular"], found["sphere"]) if len(found) == 2 else None
-    metrics["friction_difference"] = Metric(apart and apart.mean, "1")
-    metrics["friction_difference_se"] = Metric(apart and apart.standard_error, "1")
+    metrics |= metrics_of_estimate("friction_difference", "friction_difference_se", apart)
     for name, column in WORST.items():
         worst = float(np.abs(table[column]).max())
-        bound = shear_gouge.BOUNDS[column]
-        metrics[name] = Metric(worst, "1", bound, worst < bound)
+        bound, remedy = shear_gouge.BOUNDS[column], shear_gouge.REMEDIES[column]
+        metrics[name] = Metric(worst, "1", bound, worst < bound, remedy=remedy)
     return metrics
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import os
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -25,6 +24,7 @@ from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_table import Rows, attributes_of, write_runs
+from workflows.common.stopwatch import Stopwatch
 from workflows.plots.energy_figure import plot_energy
 
 if TYPE_CHECKING:
@@ -35,6 +35,11 @@ BOUNDS = {  # of the drift at 50 and at 100 steps per contact, by dimension
     2: {"drift": (1.2e-4, 3e-5), "shadow_drift": (2e-5, 4e-6)},
     3: {"drift": (2e-4, None), "shadow_drift": (2e-5, None)},
 }
+DRIFTS = (  # what to change where a claim about the energy does not hold
+    "the energy is not conserved as in the experiment of 900 grains in f64 for which this is claimed; small or dense "
+    "gases scatter: use --preset standard, --precision f64"
+)
+NO_ORDER = "too few collisions to show the order of the errors: raise --grains or --steps"
 LEVELS = (50, 71, 100, 141, 200, 283, 400)  # steps per contact, for the order
 TERMS = ("translational_energy", "rotational_energy", "elastic_energy")
 SCHEMES = {  # by name: importing a workflow must not start Taichi
@@ -297,15 +302,15 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
             of_seeds = values("onset_verlet", "drift", per_contact, name)
             value = root_mean_square(of_seeds)
             holds = None if bound is None else value <= bound and max(of_seeds) <= 2 * bound
-            metrics[f"{name}_{per_contact}"] = Metric(value, "1", bound, holds)
+            metrics[f"{name}_{per_contact}"] = Metric(value, "1", bound, holds, remedy=DRIFTS)
     long = values("onset_verlet", "long", 50, "shadow_drift")[0]
-    metrics["shadow_drift_long"] = Metric(long, "1", 1e-4, long <= 1e-4)
+    metrics["shadow_drift_long"] = Metric(long, "1", 1e-4, long <= 1e-4, remedy=DRIFTS)
     for scheme, name in ORDERS[dim].items():
         level = [root_mean_square(values(scheme, "order", n)) for n in LEVELS]
         fell = all(x > 0.0 for x in level)  # without a collision the energy is kept to the last bit
         slope = -np.polyfit(np.log(LEVELS), np.log(level), 1)[0] if fell else np.nan
         claimed = (2.0, abs(slope - 2.0) <= 0.25) if scheme == "velocity_verlet" else (None, None)
-        metrics[name] = Metric(float(slope), "1", *claimed)
+        metrics[name] = Metric(float(slope), "1", *claimed, remedy=NO_ORDER)
     verlet = root_mean_square(values("velocity_verlet", "drift", 50))
     euler = root_mean_square(values("symplectic_euler", "drift", 50))
     printed = values("explicit_euler", "drift", 50)[0]
@@ -327,7 +332,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
-    began = time.perf_counter()
+    watch = Stopwatch()
     rows, series = measure(params, progress)
     dt = float(np.diff(series["onset_verlet"]["time"][:2])[0]) / max(1, params.steps // params.samples)
     title = "Energy of an elastic gas of random grains"
@@ -354,6 +359,6 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes_of(params, dt, title, summary))
     metrics = analyse(rows, params.dim)
     plot_energy(out / "energy.png", rows, series, PUBLISHED_DRIFT)
-    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    metrics |= watch.metrics()
     write_summary(out, "energy-conservation", params.preset_name, metrics, quiet=progress is None)
     return table

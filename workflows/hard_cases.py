@@ -22,6 +22,7 @@ from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest, to_toml
 from workflows.common.run_table import Rows, write_runs
+from workflows.common.stopwatch import Stopwatch
 from workflows.hard import Bench, cases_of, modules
 from workflows.plots.hard_cases import plot_cases
 
@@ -119,7 +120,7 @@ def analyse(rows: Rows) -> dict[str, Metric]:
     return {
         "cases": Metric(len(names), "1"),
         "passed": Metric(sum("failed" not in s for s in states.values()), "1"),
-        "failed": Metric(failed, "1", 0, failed == 0),
+        "failed": Metric(failed, "1", 0, failed == 0, remedy="hard_cases.md says which cases failed and by how much"),
         "excepted": Metric(sum("excepted" in s for s in states.values()), "1"),
         "least_margin": Metric(min(row["margin"] for row in judged), "1"),
     }
@@ -171,7 +172,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
-    began = time.perf_counter()
+    watch = Stopwatch()
     rows = measure(params, progress)
     numbers = [
         lsm.Variable("value", ("run",), "f64", "1", "measured value, in the unit of the case"),
@@ -187,7 +188,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     (out / "hard_cases.md").write_text(table_text(rows), encoding="utf-8")
     plot_cases(out / "hard_cases.png", rows)
     metrics = analyse(rows)
-    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    metrics |= watch.metrics()
     if progress:
         print("\n".join(plain_lines(rows)))
     write_summary(out, "hard-cases", params.preset_name, metrics, quiet=progress is None)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -25,6 +24,7 @@ from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_table import Rows, write_runs
+from workflows.common.stopwatch import Stopwatch
 from workflows.plots.roughness import plot_roughness
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
-    began = time.perf_counter()
+    watch = Stopwatch()
     rows = measure(params, out, progress)
     dt = min(lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc"))
     table = write_runs(
@@ -244,7 +244,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     )
     metrics = analyse(rows)
     plot_roughness(out / "roughness.png", rows, *example_outlines(params))
-    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
+    metrics |= watch.metrics()
     write_summary(out, "shape-roughness", params.preset_name, metrics, quiet=progress is None)
     return table
 

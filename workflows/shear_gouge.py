@@ -15,8 +15,9 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import to_toml
+from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
-from workflows.gouge.layer_metrics import BOUNDS, analyse
+from workflows.gouge.layer_metrics import BOUNDS, REMEDIES, analyse
 from workflows.gouge.layer_scene import build, effects_of
 from workflows.gouge.parameters import Params
 from workflows.gouge.stages import consolidate, shear
@@ -26,7 +27,7 @@ from workflows.plots import run_plots
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BOUNDS", "Params", "analyse", "build", "check", "effects_of", "run", "simulate"]
+__all__ = ["BOUNDS", "REMEDIES", "Params", "analyse", "build", "check", "effects_of", "run", "simulate"]
 
 
 def check(params: Params) -> None:
@@ -57,17 +58,22 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     check(params)
     if params.target_error is not None:
         return run_to_target(params, out, progress, __name__, analyse)
-    return simulate(build(params), params, out, progress)
+    watch = Stopwatch()
+    return simulate(build(params), params, out, progress, watch)
 
 
 def simulate(
-    scene: lsm.Scene, params: Params, out: str | os.PathLike[str], progress: Progress | None = None
+    scene: lsm.Scene,
+    params: Params,
+    out: str | os.PathLike[str],
+    progress: Progress | None = None,
+    watch: Stopwatch | None = None,
 ) -> xarray.Dataset:
-    """As `run`, for a scene that may have been changed after `build`."""
+    """As `run`, for a scene that may have been changed after `build`; its times begin with `watch`, or here."""
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
-    began = time.perf_counter()
+    watch = watch or Stopwatch()
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
     layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
     progress_from: list[tuple[float, int, float]] = []
@@ -87,8 +93,8 @@ def simulate(
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1")
-    metrics["seconds"] = Metric(time.perf_counter() - began, "s")
     run_plots.plot_run(out)
+    metrics |= watch.metrics()
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return dataset
 

@@ -173,4 +173,7 @@ def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
     alone = np.sqrt((0.004**2 + table["between_seeds"]) / 2)
     assert two == pytest.approx(target_error.CAUTION * 1.96 * alone + 0.001)
     far = target_error.reached(table, params, [0.20, 0.25, 0.30], [0.004] * 3, "0.4")
-    assert far == pytest.approx(target_error.CAUTION * 1.96 * 0.05 / np.sqrt(3) + 0.001)
+    assert far == pytest.approx(4.3026527 * 0.05 / np.sqrt(3) + 0.001)  # Student's t of two degrees of freedom
+    unknown = target_error.reached(table, params, [0.25, 0.26], [np.nan, np.nan], "0.4")
+    of_table = table["times_strain"] / (params.strain - params.steady_from) + table["between_seeds"]
+    assert unknown == pytest.approx(target_error.CAUTION * 1.96 * np.sqrt(of_table / 2) + 0.001)

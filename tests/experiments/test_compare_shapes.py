@@ -68,8 +68,9 @@ def test_every_run_is_in_the_table(compared):
     assert set(table.coords) == {"shape", "seed"}
     for i, path in enumerate(table.path.values):
         of_run = json.loads((out / path / "summary.json").read_text())["metrics"]
-        for name in ("friction_mean", "friction_se", "friction_ess", "energy_residual", "porosity"):
+        for name in ("friction_mean", "energy_residual", "porosity"):
             assert float(table[name][i]) == pytest.approx(of_run[name]["value"], rel=1e-12)
+        assert of_run["friction_se"]["value"] is None and np.isnan(table.friction_se[i])  # too short to know it
     assert len({r["label"] for r in reports}) == 4
     assert np.all(table.friction_mean > 0.05) and np.all(table.energy_residual < 0.01)
 
@@ -91,14 +92,16 @@ def test_files_are_there_and_every_variable_is_described(compared):
 
 
 @pytest.mark.validate
-def test_the_replica_is_the_unit_of_the_errors(compared):
+def test_errors_and_intervals_follow_from_the_replicas(compared):
     out, table, _ = compared
     metrics = json.loads((out / "summary.json").read_text())["metrics"]
     mean, error = {}, {}
     for shape in ("sphere", "angular"):
         own = table.friction_mean.values[table["shape"].values == shape]
-        mean[shape], error[shape] = own.mean(), own.std(ddof=1) / np.sqrt(2)
+        mean[shape], error[shape] = own.mean(), own.std(ddof=1) / np.sqrt(2)  # so short runs know no error of their own
         assert metrics[f"friction_{shape}_mean"]["value"] == pytest.approx(mean[shape])
+        low, high = metrics[f"friction_{shape}_mean"]["interval"]
+        assert high - low == pytest.approx(2 * 12.7062047 * error[shape])  # Student's t of one degree of freedom
         assert metrics[f"friction_{shape}_se"]["value"] == pytest.approx(error[shape])
     assert metrics["friction_difference"]["value"] == pytest.approx(mean["angular"] - mean["sphere"])
     assert metrics["friction_difference_se"]["value"] == pytest.approx(np.hypot(*error.values()))
@@ -116,11 +119,13 @@ def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compar
     estimates = compare_shapes.estimates(table)
     labels = list(curves(friction))
     for shape, name in (("sphere", "discs"), ("angular", "angular grains")):
-        mean, error = estimates[shape].mean, estimates[shape].standard_error
-        label = f"{name}: {mean:.3f} ± {error:.3f} (2 runs)"
+        mean, (low, high) = estimates[shape].mean, estimates[shape].interval
+        label = f"{name}: {mean:.3f}, 95 % interval {low:.3f} to {high:.3f} (2 runs)"
         assert label in labels
         line = friction.lines[labels.index(label) + 1]
         assert np.allclose(line.get_ydata(), mean) and line.get_xdata()[0] == SMALL["steady_from"]
+        bands = [band.get_datalim(friction.transData) for band in friction.collections if band.get_paths()]
+        assert any(np.allclose([b.x0, b.y0, b.y1], [SMALL["steady_from"], low, high]) for b in bands)
         bars = [bar.lines[0].get_xdata() for bar in published.containers]
         assert any(np.allclose(x, mean) for x in bars if len(x))
     assert friction.get_xlabel() == "shear strain [1]" and published.get_xlim() == (0.0, 0.7)

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any, cast
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.metrics import FILE, print_summary
+from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameters import nearest
 
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
@@ -95,6 +95,8 @@ def _print_metrics(path: Path) -> None:
             print(f"{FILE}: made by an earlier version, which wrote `{FORMER_KEY}` for `metrics`; repeat the run")
         else:
             print_summary(summary)
+            for line in failed_claims(summary):
+                print(line)
     except (ValueError, KeyError, TypeError, AttributeError):
         print(f"{FILE}: unreadable")
 

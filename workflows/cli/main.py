@@ -19,17 +19,18 @@ from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
+from workflows.common.metrics import FILE, failed_claims, read_summary
 from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 
-COMPLETE, FAILED, BAD_INPUT = 0, 1, 2
+COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
 
 # cyclopts itself has groups called Commands, Parameters and Arguments; the names must differ from those.
 PHYSICS = Group("Experiment", sort_key=1)
 MACHINE = Group("Computation", sort_key=2)
 FILES = Group("Files and display", sort_key=3)
-RESERVED = ("out", "config", "preset", "quiet", "overwrite")
+RESERVED = ("out", "config", "preset", "quiet", "strict", "overwrite")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 complete, 1 failed, 2 bad input, 128 + n on signal n; a closed pipe counts as its signal.
+        Exit code: 0 complete, 1 failed, 2 bad input, 3 with --strict if a claimed bound does not hold, 128 + n on
+        signal n; a closed pipe counts as its signal.
     """
     previous = signals.install()
     try:
@@ -166,7 +168,8 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
         parameter("config", str, FILES, "TOML file of parameters; they override the preset", metavar="FILE"),
         parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
         parameter("overwrite", bool, FILES, "write over files in a folder that is not empty", negative=()),
-        parameter("quiet", bool, FILES, "print nothing but errors", negative=()),
+        parameter("quiet", bool, FILES, "print nothing but errors and claims that are not met", negative=()),
+        parameter("strict", bool, FILES, "exit with code 3 if a claim is not met", negative=()),
     ]
     only_toml = []
     for key, field in params_class.model_fields.items():
@@ -234,9 +237,10 @@ def execute(
     config: str | None = None,
     preset: str | None = None,
     quiet: bool = False,
+    strict: bool = False,
     overwrite: bool = False,
 ) -> int:
-    """Check everything, then run a workflow; returns the exit code."""
+    """Check everything, run a workflow, and name the claims that its summary does not meet; returns the exit code."""
     folder = Path("out") / name if out is None else Path(out)
     problems, params = refusals(folder, overwrite), None
     check = getattr(module, "check", None)
@@ -253,6 +257,7 @@ def execute(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         return _complain([f"--out {folder}: cannot be made: {error.strerror}."])
+    earlier = _written_at(folder / FILE)
     with ProgressLine(quiet) as progress:
         try:
             module.run(params, out=folder, progress=None if quiet else progress)
@@ -264,7 +269,16 @@ def execute(
                 raise
             _complain([_failure_of(error)])
             return FAILED
-    return COMPLETE
+    # A summary that an earlier run left in the folder says nothing of this one.
+    summary = read_summary(folder) if _written_at(folder / FILE) != earlier else None
+    missed = failed_claims(summary) if summary else []
+    _complain(missed)
+    return CLAIM_NOT_MET if strict and missed else COMPLETE
+
+
+def _written_at(path: Path) -> int | None:
+    """When a file was last written [ns]; None if there is none."""
+    return path.stat().st_mtime_ns if path.exists() else None
 
 
 def _problems_of(error: InputError) -> list[str]:

@@ -5,12 +5,16 @@ import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
+if TYPE_CHECKING:
+    from taichi_lsm.measure.statistics import Estimate
+
 FILE = "summary.json"
+COLUMNS = ("metric", "value", "95 % interval", "unit", "claimed", "", "note")
 
 
 @dataclass(frozen=True)
@@ -26,12 +30,21 @@ class Metric:
     bound, holds
         Given together, and only where a bound is claimed: the bound (a number in `unit`, or words), and whether the
         value respects it.
+    interval
+        (least, greatest) of the 95 % interval of a mean, in `unit`.
+    note
+        What the value is where its name does not say it, or why it is unknown.
+    remedy
+        What it means if the claim does not hold, and what to change.
     """
 
     value: float | int | None
     unit: str
     bound: float | int | str | None = None
     holds: bool | None = None
+    interval: tuple[float, float] | None = None
+    note: str | None = None
+    remedy: str | None = None
 
     def __post_init__(self) -> None:
         if (self.bound is None) != (self.holds is None):
@@ -39,10 +52,51 @@ class Metric:
 
     def as_dict(self) -> dict:
         """The JSON form; values that JSON has no number for (NaN, infinity) become null."""
-        entry = {"value": _number(self.value), "unit": self.unit}
+        entry: dict[str, Any] = {"value": _number(self.value), "unit": self.unit}
         if self.holds is not None:
             entry |= {"bound": _number(self.bound), "holds": bool(self.holds)}
+        if self.interval is not None:
+            entry["interval"] = [_number(end) for end in self.interval]
+        if self.note:
+            entry["note"] = self.note
+        if self.holds is not None and not self.holds and self.remedy:
+            entry["remedy"] = self.remedy
         return entry
+
+
+def metrics_of_estimate(mean: str, error: str, estimate: "Estimate | None") -> dict[str, Metric]:
+    """The metrics `mean`, with its 95 % interval, and `error`, its standard error, of a pure number.
+
+    Where the error is unknown its note says why; None in place of the estimate makes both unknown.
+    """
+    if estimate is None:
+        return {name: Metric(None, "1", note="no complete run") for name in (mean, error)}
+    unknown = math.isnan(estimate.standard_error)
+    found = Metric(estimate.mean, "1", interval=None if unknown else estimate.interval)
+    note = f"unknown: {estimate.unknown}" if unknown else None
+    return {mean: found, error: Metric(estimate.standard_error, "1", note=note)}
+
+
+def failed_claims(summary: dict[str, Any]) -> list[str]:
+    """One line for each claim of a summary that does not hold: value, claim, what it means and what to change."""
+    lines = []
+    for name, entry in summary["metrics"].items():
+        if entry.get("holds") is False:
+            unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
+            value, bound = _shown(entry["value"]) + unit, _shown(entry["bound"])
+            bound += unit if not isinstance(entry["bound"], str) else ""
+            remedy = entry.get("remedy") or "the run is not as good as the experiment promises"
+            lines.append(f"claim not met: {name} is {value}, claimed {bound}: {remedy}.")
+    return lines
+
+
+def read_summary(out: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """The summary in the folder `out`; None if there is none that can be read."""
+    try:
+        summary = json.loads((Path(out) / FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and isinstance(summary.get("metrics"), dict) else None
 
 
 def number(metric: Metric) -> float:
@@ -89,22 +143,27 @@ def print_summary(summary: dict, console: Console | None = None) -> None:
     rows = [(name, *_cells(entry)) for name, entry in summary["metrics"].items()]
     title = summary["workflow"] + (f", preset {summary['preset']}" if summary["preset"] else "")
     if console.is_terminal:
-        table = Table("metric", "value", "unit", "claimed", "", title=title)
+        used = [column for column, name in enumerate(COLUMNS) if name == "unit" or any(row[column] for row in rows)]
+        table = Table(*(COLUMNS[column] for column in used), title=title)
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*(row[column] for column in used))
         console.print(table)
         return
-    widths = [max((len(row[column]) for row in rows), default=0) for column in range(4)]
+    widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(COLUMNS) - 1)]
     print(title, file=console.file)
     for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True))
+        cells = (cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True) if width or cell)
         print("  ".join(cells).rstrip(), file=console.file, flush=True)
 
 
-def _cells(entry: dict) -> tuple[str, str, str, str]:
+def _cells(entry: dict) -> tuple[str, ...]:
+    """Value, interval, unit, claim, verdict and note of a metric, "" where it has none."""
+    interval = entry.get("interval")
+    between = f"{_shown(interval[0])} to {_shown(interval[1])}" if interval else ""
     claimed = "" if "holds" not in entry else _shown(entry["bound"])
     verdict = "" if "holds" not in entry else "holds" if entry["holds"] else "FAILS"
-    return _shown(entry["value"]), "" if entry["unit"] == "1" else entry["unit"], claimed, verdict
+    unit = "" if entry["unit"] == "1" else entry["unit"]
+    return _shown(entry["value"]), between, unit, claimed, verdict, entry.get("note", "")
 
 
 def _shown(value: float | int | str | None) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Metric
+from workflows.common.metrics import Metric, metrics_of_estimate
 from workflows.gouge.parameters import Params
 
 if TYPE_CHECKING:
@@ -18,6 +18,16 @@ BOUNDS = {  # claimed for the absolute values of these metrics
     "energy_residual": 0.01,
     "normal_stress_error": 0.005,
     "normal_stress_rms": 0.05,
+}
+REMEDIES = {  # what it means if such a claim does not hold, and what to change
+    "platen_bulk_difference": (
+        "the layer is not steady, or too thin to have a bulk: raise --strain, --steady-from or --layer-thickness"
+    ),
+    "energy_residual": "work, storage and losses do not balance: lower --step-safety, or use --precision f64",
+    "normal_stress_error": (
+        "the servo did not hold the stress on average: lower --inertial-number, or raise --strain or --length"
+    ),
+    "normal_stress_rms": "the normal stress fluctuates: lower --inertial-number, or raise --length",
 }
 
 
@@ -40,8 +50,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
     apart = abs(platen.mean / friction.mean - 1.0)
     metrics = {
-        "friction_mean": Metric(friction.mean, "1"),
-        "friction_se": Metric(friction.standard_error, "1"),
+        **metrics_of_estimate("friction_mean", "friction_se", friction),
         "friction_ess": Metric(friction.effective_samples, "1"),
         "platen_friction_mean": Metric(platen.mean, "1"),
         "platen_bulk_difference": Metric(apart, "1"),
@@ -58,5 +67,5 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     }
     for name, bound in BOUNDS.items():
         value = float(metrics[name].value or 0.0)
-        metrics[name] = Metric(value, "1", bound, abs(value) < bound)
+        metrics[name] = Metric(value, "1", bound, abs(value) < bound, remedy=REMEDIES[name])
     return metrics

@@ -109,10 +109,15 @@ def expected(params: Params) -> tuple[float, float]:
 def reached(row: dict[str, Any], params: Params, means: Sequence[float], errors: Sequence[float], step: str) -> float:
     """Half-width of the 95 % interval that runs with these means and standard errors have reached.
 
-    The scatter of few seeds is poorly known: the variance between seeds of the table is added to that within runs, and
-    the observed scatter is used where it is larger.
+    The scatter of few seeds is poorly known: the variance between seeds of the table is added to that within runs, or
+    to that of the table if no run knows its own error (nan). Where three or more runs scatter by more than this,
+    Student's interval of their scatter counts.
     """
-    count = len(means)
-    within = float(np.mean(np.square(errors))) + row["between_seeds"] * row["area"] / area_of(params)
-    observed = float(np.var(means, ddof=1)) if count > 2 else 0.0
-    return float(CAUTION * NORMAL * np.sqrt(max(within, observed) / count) + row["bias_of_step"][step])
+    count, share = len(means), row["area"] / area_of(params)
+    known = np.square([error for error in errors if np.isfinite(error)])
+    of_table = row["times_strain"] * share / (params.strain - params.steady_from)
+    variance = (float(known.mean()) if known.size else of_table) + row["between_seeds"] * share
+    reached = CAUTION * NORMAL * np.sqrt(variance / count)
+    if count > 2 and np.var(means, ddof=1) > variance:
+        reached = max(reached, lsm.statistics.combine_replicas(means).half_width)
+    return float(reached + row["bias_of_step"][step])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_table import write_runs
+from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import target_error
 from workflows.gouge.parameters import Params
 from workflows.gouge.target_error import Plan
@@ -28,6 +28,10 @@ COLUMNS = [
     lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
     lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run"),
 ]
+
+
+HALF_WIDTH = "half-width of the 95 % interval of friction_mean"
+SCATTER = "the runs scatter more than was foreseen from other layers: lower --target-error, or raise --length"
 
 
 def runs_of(params: Params, plan: Plan) -> dict[str, Params]:
@@ -60,7 +64,7 @@ def run_to_target(
             f"stable step; expected error {plan.expected_error:.2g}, time {plan.expected_seconds:.0f} s",
             flush=True,
         )
-    began, runs = time.perf_counter(), runs_of(params, plan)
+    watch, runs = Stopwatch(), runs_of(params, plan)
     jobs = [(label, workflow, of_run, out / "runs" / label) for label, of_run in runs.items()]
     run_replicas(jobs, 2, progress)
     rows, steps = [], []
@@ -82,16 +86,18 @@ def run_to_target(
         text={"path": "folder of the run, relative to this file"},
     )
     means, errors = ([r[name] for r in rows] for name in ("friction_mean", "friction_se"))
-    error = target_error.reached(row, params, means, errors, f"{plan.step_safety:g}")
+    as_run = params.model_copy(update={"strain": plan.strain})
+    error = target_error.reached(row, as_run, means, errors, f"{plan.step_safety:g}")
+    mean = float(np.mean(means))
     metrics = {
-        "friction_mean": Metric(float(np.mean(means)), "1"),
-        "friction_error": Metric(error, "1", target, error <= target),
+        "friction_mean": Metric(mean, "1", interval=(mean - error, mean + error)),
+        "friction_error": Metric(error, "1", target, error <= target, note=HALF_WIDTH, remedy=SCATTER),
         "expected_error": Metric(plan.expected_error, "1"),
         "seeds": Metric(plan.seeds, "1"),
         "strain": Metric(plan.strain, "1"),
         "step_safety": Metric(plan.step_safety, "1"),
         "expected_seconds": Metric(plan.expected_seconds, "s"),
-        "seconds": Metric(time.perf_counter() - began, "s"),
+        **watch.metrics(),
     }
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return table

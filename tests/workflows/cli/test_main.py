@@ -253,6 +253,26 @@ def test_list_shows_workflows_and_effects(plugins, capsys, monkeypatch):
     assert lines[-1] == "spring A spring."
 
 
+MISSED = "lsm: claim not met: stress is 3e+06 Pa, claimed 2e+06 Pa: the layer is crushed: lower --normal-stress.\n"
+
+
+@pytest.mark.parametrize(("options", "code"), [((), 0), (("--strict",), 3), (("--strict", "--quiet"), 3)])
+def test_a_claim_that_is_not_met_is_named_and_is_an_error_if_wanted(plugins, capsys, options, code):
+    assert main(["toy-run", "--act", "judge", "--normal-stress", "3e6", "--out", "x", *options]) == code
+    assert capsys.readouterr().err == MISSED
+    main(["info", "x"])
+    assert MISSED.removeprefix("lsm: ") in capsys.readouterr().out
+
+
+def test_claims_that_are_met_and_those_of_an_earlier_run_are_no_error(toy, monkeypatch, capsys):
+    assert main(["toy-run", "--act", "judge", "--normal-stress", "1e6", "--out", "x", "--strict"]) == 0
+    assert main(["toy-run", "--act", "judge", "--normal-stress", "3e6", "--out", "y"]) == 0
+    assert capsys.readouterr().err == MISSED
+    monkeypatch.setattr(toy, "run", lambda params, out, progress: None)  # writes no summary
+    assert main(["toy-run", "--out", "y", "--overwrite", "--strict"]) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
     with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
         file.createDimension("time", 4)

@@ -1,0 +1,40 @@
+"""Time that a run took: on the clock, and of the processors."""
+
+import os
+import time
+
+from workflows.common.metrics import Metric
+
+
+class Stopwatch:
+    """Wall-clock and processor time since it was made."""
+
+    def __init__(self) -> None:
+        self._clock, self._processor = time.perf_counter(), _processor_seconds()
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time [s]: what a user waits, with compiling, and with waiting for a busy processor."""
+        return time.perf_counter() - self._clock
+
+    @property
+    def cpu_seconds(self) -> float:
+        """Processor time [s] of this process, all threads, and of those that it started and that have ended.
+
+        Two runs of 10 s side by side take 20 s of it; where it is much less than the wall-clock time of one run, other
+        programs had the processor. Windows does not count the processes that were started.
+        """
+        return _processor_seconds() - self._processor
+
+    def metrics(self) -> dict[str, Metric]:
+        """Both times, as they stand in summary.json."""
+        return {
+            "seconds": Metric(self.seconds, "s", note="wall-clock time of the run, with compiling"),
+            "cpu_seconds": Metric(self.cpu_seconds, "s", note="processor time, all threads and processes together"),
+        }
+
+
+def _processor_seconds() -> float:
+    """User and system time of this process and of its ended children [s]."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
