@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image  # comes with matplotlib
 
 import workflows
 from taichi_lsm.core.errors import InputError
@@ -224,6 +225,38 @@ def test_decisions_are_listed():
     index = (ROOT / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
     for path in (ROOT / "docs" / "decisions").glob("[0-9]*.md"):
         assert f"({path.name})" in index
+
+
+DEMO_ROWS = {"discs": "friction_sphere", "angular grains": "friction_angular", "difference": "friction_difference"}
+
+
+def demo_metrics():
+    """{row of the README: (mean, standard error, (least, greatest) of the interval)} of the shipped summary."""
+    summary = json.loads((ROOT / "docs" / "images" / "friction_summary.json").read_text(encoding="utf-8"))
+    assert (summary["workflow"], summary["preset"]) == ("compare-shapes", "demo")  # as `make demo` runs it
+    found = {}
+    for row, name in DEMO_ROWS.items():
+        mean = summary["metrics"].get(f"{name}_mean") or summary["metrics"][name]
+        found[row] = (mean["value"], summary["metrics"][f"{name}_se"]["value"], mean["interval"])
+    return found
+
+
+def test_numbers_of_the_readme_are_those_of_the_demo():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for row, (mean, error, (low, high)) in demo_metrics().items():
+        assert f"| {row} | {mean:.3f} | {error:.3f} | {low:.3f} to {high:.3f} |" in text
+
+
+def test_the_picture_of_the_readme_shows_the_numbers_of_the_demo():
+    """A PNG says in its description what its legend shows."""
+    with Image.open(ROOT / "docs" / "images" / "friction.png") as picture:
+        shown = picture.text["Description"]
+    demo = demo_metrics()
+    rows = {name: demo[name] for name in ("discs", "angular grains")}
+    texts = [
+        f"{name}: {mean:.3f}, 95 % interval {ends[0]:.3f} to {ends[1]:.3f}" for name, (mean, _, ends) in rows.items()
+    ]
+    assert shown == "; ".join(texts)
 
 
 README_OUTPUT = (  # what each Python block of the README prints, in their order

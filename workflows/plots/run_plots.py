@@ -195,7 +195,7 @@ def _draw_comparison(axes, series, found):
         axes.set_xlim(0, last)
         axes.legend(loc="upper left", fontsize=9.2)
     axes.set(ylim=(0, 1.42 * top), xlabel="shear strain [1]", ylabel="friction: shear stress / normal stress [1]")
-    note = f"line: mean of the runs, averaged over strain {SMOOTH_STRAIN:g}; coloured band: least to greatest run"
+    note = f"line: mean of the runs over strain {SMOOTH_STRAIN:g}; in colour: least to greatest run"
     axes.text(0.02, 0.02, note, transform=axes.transAxes, fontsize=8.5, color="0.3")
     axes.set_title("(a) friction of the sheared layer")
 
@@ -236,7 +236,7 @@ def _draw_published(axes, found, singles):
             axes.axhspan(y - 0.5, y + 0.5, color=colour, alpha=0.14, lw=0)
             width = np.nan_to_num(values.half_width)  # no bar if it is unknown
             axes.errorbar(mean, y, xerr=width, fmt="o", color=colour, ms=5.5, capsize=5, elinewidth=2)
-            axes.plot(singles[shape], [y - SINGLE_BELOW] * len(singles[shape]), "|", color=colour, ms=7, mew=1.2)
+            axes.plot(singles[shape], [y - SINGLE_BELOW] * len(singles[shape]), "o", color=colour, ms=3, mfc="white")
             continue
         face = colour if kind == "laboratory" else "white"
         axes.plot(values, [y] * len(values), "s" if face == colour else "D", color=colour, ms=6, mfc=face, mew=1.5)
@@ -250,10 +250,8 @@ def _draw_published(axes, found, singles):
             axes.axhline(y - 0.5, color="0.6", lw=0.8)
     axes.plot([], [], "s", color="0.3", ms=6, label="laboratory")
     axes.plot([], [], "D", color="0.3", ms=6, mfc="white", mew=1.5, label="simulation")
-    axes.errorbar(
-        [], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="this run, 95 % interval"
-    )
-    axes.plot([], [], "|", color="0.3", ms=7, mew=1.2, label="single runs of it")
+    axes.errorbar([], [], xerr=[], fmt="o", color="0.3", ms=5.5, capsize=5, elinewidth=2, label="this run, 95 %")
+    axes.plot([], [], "o", color="0.3", ms=3, mfc="white", label="single runs")
     axes.legend(loc="lower left", handletextpad=0.4, borderaxespad=0.2)
     axes.grid(axis="x", color="0.9")
     axes.set_axisbelow(True)
@@ -271,8 +269,8 @@ def _draw_friction(axes, sheared, params):
     axes.plot(strain, _smooth(strain, platen), "k:", lw=1.2, label="the same at the top platen")
     steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     _draw_mean(axes, params.steady_from, strain[-1], steady, lw=1.2, label=f"steady: {estimate_text(steady)}")
-    axes.set(xlim=(0, strain[-1]), ylim=(0, 1.3 * np.nanmax(bulk)), xlabel="shear strain [1]", ylabel="friction [1]")
-    axes.legend(loc="upper left", ncols=2)
+    axes.set(xlim=(0, strain[-1]), ylim=(0, 1.5 * np.nanmax(bulk)), xlabel="shear strain [1]", ylabel="friction [1]")
+    axes.legend(loc="upper left")
     axes.set_title("(a) friction: shear stress / normal stress")
 
 
