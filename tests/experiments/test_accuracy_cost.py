@@ -1,16 +1,18 @@
 """Error against cost: curves and their orders, plans for target errors, the file and the pictures."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
 from workflows import accuracy_cost, shear_gouge
-from workflows.accuracy import Trial, gouge, order
+from workflows.accuracy import Trial, gouge, order, presets, prices
 from workflows.accuracy.curves import curves
 from workflows.accuracy.table import lines_of
 from workflows.accuracy.trials_file import read_trials, write_trials
+from workflows.common.metrics import Metric, write_summary
 from workflows.common.run_table import attributes_of
 from workflows.gouge import target_error
 from workflows.plots.tenfold import FARTHEST, NEVER, bars_of, plot_summary
@@ -157,6 +159,27 @@ def test_a_plan_promises_what_was_asked_and_no_cheaper_one_does(table):
     assert (loose.step_safety, tight.step_safety) == (0.8, 0.4)  # the bias of the longer step is all of the target
     wide = target_error.plan(shear_gouge.Params(length=56, layer_thickness=12, inertial_number=5e-3), 0.004)
     assert wide.strain * wide.seeds < tight.strain * tight.seeds  # more grains average more
+
+
+def test_start_and_shear_are_told_apart_by_two_runs():
+    """8 s for the start, and 4 ms for each of 500 grains and a unit of strain."""
+    found = prices.price((1.5, 8.0 + 1.5 * 2.0), (4.5, 8.0 + 4.5 * 2.0), 500)
+    assert found == pytest.approx({"start_seconds": 8.0, "seconds_per_grain_strain": 4e-3})
+
+
+def test_prices_are_processor_times(tmp_path):
+    metrics = {"seconds": Metric(24.0, "s"), "cpu_seconds": Metric(5.0, "s")}
+    write_summary(tmp_path, "shear-gouge", "smoke", metrics, quiet=True)
+    assert prices.cpu_seconds(tmp_path) == 5.0
+    assert np.isnan(prices.cpu_seconds(tmp_path / "nowhere"))
+
+
+def test_the_page_holds_the_prices_that_the_command_prints(capsys):
+    presets.main()
+    page = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text(encoding="utf-8")
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 16
+    assert not [line for line in lines if line not in page.splitlines()]
 
 
 def test_targets_out_of_range_are_refused_with_what_is_possible(table):

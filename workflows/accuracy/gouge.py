@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -219,17 +218,16 @@ def measure_strain(params: Params, shape: str, out: Path, usual: float) -> tuple
             error = float(np.sqrt(np.mean((together - grand) ** 2)))
             where = (f"seeds, {shape}", f"{count}", count, quantity, replica)
             trials.append(Trial(*where, error, cost * count, cost * count / usual))
-    return trials, row_of_table(of_run, folders, series, cost)
+    return trials, row_of_table(of_run, folders, series)
 
 
-def row_of_table(of_run: shear_gouge.Params, folders: Sequence[Path], series: Series, cost: float) -> dict[str, Any]:
-    """Variances and times of the layer `of_run`, from which target errors are planned."""
+def row_of_table(of_run: shear_gouge.Params, folders: Sequence[Path], series: Series) -> dict[str, Any]:
+    """Variances of the layer `of_run`, from which target errors are planned; `prices.measure` adds its price."""
     between, within = variance_law(series)
     thickness, lengths = of_run.layer
     area = thickness * np.prod(lengths) / of_run.diameter ** (1 + len(lengths))
     dataset = lsm.open_run(folders[0] / "grains.nc")
     grains = int((dataset.kind.values == 0).sum())
-    seconds = [json.loads((f / "summary.json").read_text())["metrics"]["seconds"]["value"] for f in folders]
     return {
         "shape": of_run.shape,
         "dim": of_run.dim,
@@ -239,8 +237,6 @@ def row_of_table(of_run: shear_gouge.Params, folders: Sequence[Path], series: Se
         "grains_per_area": grains / float(area),
         "between_seeds": between,
         "times_strain": within,
-        "seconds_per_grain_strain": cost / grains,
-        "start_seconds": max(1.0, float(np.median(seconds)) - cost * of_run.strain),
         "runs": len(folders),
         "strain": of_run.strain,
     }

@@ -96,7 +96,7 @@ def run_to_target(
         "seeds": Metric(plan.seeds, "1"),
         "strain": Metric(plan.strain, "1"),
         "step_safety": Metric(plan.step_safety, "1"),
-        "expected_seconds": Metric(plan.expected_seconds, "s"),
+        "expected_seconds": Metric(plan.expected_seconds, "s", note="wall-clock time on two idle cores"),
         **watch.metrics(),
     }
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
