@@ -32,7 +32,7 @@ SHAPES = ("sphere", "angular")
 # Columns of compare.nc that are metrics of a run, by the names that `shear_gouge.analyse` gives them.
 COLUMNS = [
     lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
-    lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run"),
+    lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run, nan if unknown"),
     lsm.Variable("friction_ess", ("run",), "f64", "1", "number of independent samples in friction_mean"),
     lsm.Variable("platen_friction_mean", ("run",), "f64", "1", "mean friction of steady shear, at the top platen"),
     lsm.Variable(

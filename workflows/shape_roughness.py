@@ -18,7 +18,7 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.common.metrics import Metric, number, write_summary
+from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
@@ -41,9 +41,13 @@ COLUMNS = (
     lsm.Variable("shape_error", ("run",), "f64", "1", "greatest distance from the outline, in diameters"),
     lsm.Variable("roughness", ("run",), "f64", "1", "rms distance from the outline, in diameters"),
     lsm.Variable("friction_mean", ("run",), "f64", "1", "steady friction of the layer"),
-    lsm.Variable("friction_se", ("run",), "f64", "1", "its standard error"),
+    lsm.Variable("friction_se", ("run",), "f64", "1", "its standard error, nan if it is unknown"),
+    lsm.Variable("friction_ess", ("run",), "f64", "1", "number of independent samples in it"),
     lsm.Variable("cost", ("run",), "f64", "s", "time per grain and step"),
 )
+
+
+FRICTION = ("friction_mean", "friction_se", "friction_ess")
 
 
 class Params(BaseParams):
@@ -158,8 +162,8 @@ def shapes_of(params: Params, kind: str, elements: int) -> tuple[list[Any], floa
     return shapes, *np.mean(errors, axis=0)
 
 
-def shear(params: Params, kind: str, elements: int, out: Path) -> tuple[float, float, float]:
-    """Friction and cost of one layer, measured in the calling process: (mean, standard error, seconds per step)."""
+def shear(params: Params, kind: str, elements: int, out: Path) -> dict[str, float]:
+    """{column: value} of friction and cost of one layer, measured in the calling process."""
     shapes, *_ = shapes_of(params, kind, elements)
     of_run = layer_params(params)
     scene = shear_gouge.build(of_run)
@@ -168,8 +172,8 @@ def shear(params: Params, kind: str, elements: int, out: Path) -> tuple[float, f
     scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
     dataset = shear_gouge.simulate(scene, of_run, out, None)
     metrics = shear_gouge.analyse(dataset, of_run)
-    rate = rate_of(out)
-    return number(metrics["friction_mean"]), number(metrics["friction_se"]), 1.0 / rate
+    found = {name: number(metrics[name]) for name in FRICTION}
+    return found | {"cost": 1.0 / rate_of(out)}
 
 
 def rate_of(out: str | os.PathLike[str]) -> float:
@@ -185,11 +189,10 @@ def measure(params: Params, out: Path, progress: Progress | None = None) -> Rows
         for elements in COUNTS:
             _, error, roughness = shapes_of(params, kind, elements)
             row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
-            values = (np.nan, np.nan, np.nan)
+            values = dict.fromkeys((*FRICTION, "cost"), np.nan)
             if elements <= params.most_sheared:
                 values = in_fresh_process(shear, params, kind, elements, out / "runs" / f"{kind}-{elements}")
-            row |= dict(zip(("friction_mean", "friction_se", "cost"), values, strict=True))
-            rows.append(row)
+            rows.append(row | values)
             if progress:
                 progress({"label": f"{kind}-{elements}", "state": f"shape error {error:.2e}"})
     return rows
@@ -217,8 +220,9 @@ def analyse(rows: Rows) -> dict[str, Metric]:
     metrics["cost_ratio_equal_error"] = Metric(float(np.polyval(per_disc, needed) / cost), "1")
     last = int(np.flatnonzero(known)[-1])
     for kind in ("patches", "clump"):
-        metrics[f"friction_{kind}_{COUNTS[last]}"] = Metric(float(column(kind, "friction_mean")[last]), "1")
-        metrics[f"friction_{kind}_{COUNTS[last]}_se"] = Metric(float(column(kind, "friction_se")[last]), "1")
+        name = f"friction_{kind}_{COUNTS[last]}"
+        one_run = (column(kind, of_friction)[[last]] for of_friction in FRICTION)
+        metrics |= metrics_of_estimate(name, f"{name}_se", lsm.statistics.combine_replicas(*one_run))
     return metrics
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 COLUMNS = [
     lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing"),
     lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
-    lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run"),
+    lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run, nan if unknown"),
 ]
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import NDArray
 
+import taichi_lsm as lsm
 from workflows.common.run_table import Rows
 
 COLOURS = {"patches": "#0072b2", "clump": "#d55e00"}
@@ -37,11 +39,11 @@ def plot_roughness(path: Path, rows: Rows, discs: NDArray, chain: NDArray) -> No
         own = [r for r in rows if r["kind"] == kind]
         x = [r["elements"] for r in own]
         error.loglog(x, [r["shape_error"] for r in own], "o-", color=colour, label=kind)
-        mean, se = ([r[n] for r in own] for n in ("friction_mean", "friction_se"))
-        friction.errorbar(x, mean, se, fmt="o-", color=colour, capsize=3, label=kind)
+        mean = [r["friction_mean"] for r in own]
+        friction.errorbar(x, mean, [_half_width(r) for r in own], fmt="o-", color=colour, capsize=3, label=kind)
         cost.plot(x, [1e9 * r["cost"] for r in own], "o-", color=colour, label=kind)
     error.set(title="Shape error", ylabel="greatest distance / diameter [1]")
-    friction.set(title="Friction of the layer", ylabel="friction [1]")
+    friction.set(title="Friction of the layer, 95 % intervals", ylabel="friction [1]")
     cost.set(title="Cost", ylabel="time per grain and step [ns]")
     counts = sorted({r["elements"] for r in rows})
     for axes in (error, friction, cost):
@@ -51,3 +53,10 @@ def plot_roughness(path: Path, rows: Rows, discs: NDArray, chain: NDArray) -> No
         axes.grid(True, alpha=0.25)
         axes.legend(fontsize=8)
     figure.savefig(path, dpi=130)
+
+
+def _half_width(row):
+    """Half-width of the 95 % interval of the friction of a row; nan, which draws no bar, if it is unknown."""
+    if not np.isfinite(row["friction_mean"]):
+        return np.nan
+    return lsm.statistics.combine_replicas(*([row[f"friction_{n}"]] for n in ("mean", "se", "ess"))).half_width
