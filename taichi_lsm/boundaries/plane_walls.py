@@ -15,7 +15,7 @@ from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
 from ..core.allocation import when_allocated, write
 from ..core.errors import InputError
 from ..core.fields import allocate
-from ..core.rotation import advanced_orientation, rotational_velocity, torque_of
+from ..core.rotation import advanced_orientation, rotational_velocity, torque_of, velocity_turned_back
 from ..core.runtime import current, ti
 from ..core.schema import Variable
 from .wall_setup import PlaneWall, as_vector
@@ -205,6 +205,9 @@ class Walls:
         if ti.static(self.spec.rotates):
             omega = ti.cast(g.angular_velocity[k], self.real)
             v -= rotational_velocity(omega, arm)
+            # The ball with which the grain touches is fixed to it; velocities belong to half a step ago.
+            if ti.static(self.spec.shaped):
+                v -= velocity_turned_back(omega, arm - (radius - 0.5 * depth) * n, ti.cast(dt, self.real))
             if ti.static(self.dim == 3):  # mean of the grain and the wall, which does not rotate
                 normal_angular_velocity = 0.5 * omega.dot(n)
         contact = forces.make_contact(v, n, depth, g.inverse_mass[k], normal_angular_velocity, dt)

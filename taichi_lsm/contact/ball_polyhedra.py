@@ -151,3 +151,11 @@ class PolyhedronContact:
             t.fraction_outside(b, before[1], -unrotate(q_l, n), -unrotate(q_l, last_n_l)),
         )
         return fraction, depth, n, x
+
+    @ti.func
+    def radii(self, a, b, k, l, s):
+        """Radii [m] of the balls, or of the tubes about edges, with which both grains face each other in slot s."""
+        g, t = self.grains, self.table
+        feature = ti.max(self.pairs.feature[s], 0)
+        r_i = t.surface_radius[t.first_row[a] + feature[0]] * g.diameter[k]
+        return r_i, t.surface_radius[t.first_row[b] + feature[1]] * g.diameter[l]

@@ -106,3 +106,9 @@ class ConeContact:
         if not faces:
             depth = -ti.abs(depth)
         return depth, n, x
+
+    @ti.func
+    def radii(self, a, b, k, l, s):
+        """Radii [m] of patch a of grain k and of patch b of grain l."""
+        g, t = self.grains, self.table
+        return t.patch_radius[a] * g.diameter[k], t.patch_radius[b] * g.diameter[l]

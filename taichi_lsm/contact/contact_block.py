@@ -82,6 +82,7 @@ def contact_block_type(spec: Any, needs: Iterable[str], channels: int, crosses_s
             relative = "relative_angular_velocity"
             scalars += ["normal_angular_velocity"]
             vectors |= {"arm_k": dim, "arm_l": dim, relative: rotation if relative in needs else 0}
+            vectors |= {"normal_change": dim if dim == 3 else 0}
         else:
             scalars += ["radius_k", "radius_l"]
             vectors |= {"omega_k": rotation, "omega_l": rotation}

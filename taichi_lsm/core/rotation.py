@@ -18,6 +18,15 @@ def rotational_velocity(omega, arm):
 
 
 @ti.func
+def velocity_turned_back(omega, arm, dt):
+    """Change [m s-1] of omega x arm if the arm [m], fixed to the body, is that of dt/2 [s] ago.
+
+    It was dt/2 omega x arm less than now, up to terms of second order.
+    """
+    return rotational_velocity(omega, rotational_velocity(-0.5 * dt * omega, arm))
+
+
+@ti.func
 def torque_of(arm, force):
     """Torque arm x force [N m], Eq. (15); one component in 2D."""
     if ti.static(arm.n == 2):

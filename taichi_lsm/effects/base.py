@@ -194,8 +194,9 @@ def contact_type(dim: int, effects: Sequence["Effect"] = ()) -> Any:
     ti.types.struct
         Inputs: depth [m] >= 0; touching, 0 or 1; normal [1], from k to l; approach [m s-1], closing speed -v_rel . n;
         slip [m s-1], tangential velocity of l against k at the contact point; normal_angular_velocity [rad s-1], mean
-        of both grains about the normal; mass [kg], m_k m_l/(m_k + m_l); dt [s]; gap [m], if an effect has a reach;
-        those of `OPTIONAL` that an effect needs.
+        of both grains about the normal; normal_change [1], in 3D: change of the normal in the last step, across it;
+        mass [kg], m_k m_l/(m_k + m_l); dt [s]; gap [m], if an effect has a reach; those of `OPTIONAL` that an effect
+        needs. Velocities are those of the middle of the step.
 
         Sums over the effects, Eq. (10) of Abe & Mora (2003): normal_force [N, repulsive]; stiffness [N m-1];
         tangential_force [N, on l]; contact_moment [N m, on l], if an effect adds one; sliding, 0 or 1.
@@ -207,6 +208,7 @@ def contact_type(dim: int, effects: Sequence["Effect"] = ()) -> Any:
     more = {"reduced_radius": real} if "reduced_radius" in wanted else {}
     more |= {"relative_angular_velocity": axial} if "relative_angular_velocity" in wanted else {}
     more |= {"contact_moment": axial} if any(effect.adds_moment for effect in effects) else {}
+    more |= {"normal_change": vector} if dim == 3 else {}
     more |= {"gap": real} if any(effect.reach() > 0.0 for effect in effects) else {}
     return ti.types.struct(
         depth=real,

@@ -3,7 +3,7 @@
 from ..contact.contact_block import AXIS, block_width, contact_block_type, get, padded, put
 from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
 from ..contact.primitives import sphere_overlap
-from ..core.rotation import rotational_velocity, torque_of
+from ..core.rotation import torque_of
 from ..core.runtime import ti
 from .effect_set import EffectSet
 from .onset_correction import OnsetCorrection
@@ -55,7 +55,7 @@ class ContactForces(EffectSet):
                 self.clear_sums(cleared)
                 cleared += 1
             near = self.find_near_pairs(block, s, stop - s)
-            count = self.contact_kinematics(block, near)
+            count = self.contact_kinematics(block, near, dt)
             self.apply_effects(block, count, dt)
             self.store_results(block, count, dt)
             s = stop
@@ -114,7 +114,7 @@ class ContactForces(EffectSet):
         return near
 
     @ti.func
-    def contact_kinematics(self, block: ti.template(), near):
+    def contact_kinematics(self, block: ti.template(), near, dt):
         """Gather what the effects need of the near pairs that touch or touched before; returns how many there are."""
         g, pairs = self.grains, self.pairs
         count = near
@@ -124,7 +124,7 @@ class ContactForces(EffectSet):
                 s, previous_status = block.slot[i], block.previous_status[i]
                 branch = get(block, "branch", i, self.dim)
                 block.slot[count], block.previous_status[count] = s, previous_status
-                count += self.surface_kinematics(block, count, s, previous_status, branch)
+                count += self.surface_kinematics(block, count, s, previous_status, branch, dt)
         else:
             for i in range(near):
                 s = block.slot[i]
@@ -144,7 +144,7 @@ class ContactForces(EffectSet):
         return count
 
     @ti.func
-    def surface_kinematics(self, block: ti.template(), i, s, previous_status, branch):
+    def surface_kinematics(self, block: ti.template(), i, s, previous_status, branch, dt):
         """Find where the surfaces of slot s touch and put the contact into place i; returns 0 if it can be forgotten.
 
         branch [m]: from the centre of the first grain to that of the second.
@@ -160,7 +160,8 @@ class ContactForces(EffectSet):
             pairs.free_until[s] = ti.select(gap > 0.0, NEARLY * travel + gap, -1.0)
         block.depth[i] = depth
         put(block, "normal", i, n)
-        put(block, "velocity", i, self.velocity_at(k, l, arm_k, arm_l))
+        v, change = self.velocity_of_shapes(k, l, s, depth, n, arm_k, arm_l, dt)
+        put(block, "velocity", i, v)
         block.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
         if ti.static("reduced_radius" in self.needs):
             block.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
@@ -172,6 +173,10 @@ class ContactForces(EffectSet):
         if ti.static(self.dim == 3):
             omega = ti.cast(g.angular_velocity[k] + g.angular_velocity[l], self.real)
             block.normal_angular_velocity[i] = 0.5 * n.dot(omega)
+            if ti.static(self.spec.remembers_normal):  # exact, also where the contact has moved to another feature
+                if n.dot(last_normal) > 0.0:
+                    change = 2.0 * (n - (n + last_normal) / (1.0 + n.dot(last_normal)))
+            put(block, "normal_change", i, change)
         if ti.static(self.crosses_seams):
             block.feature_k[i], block.feature_l[i] = last_features[0], last_features[1]
             if ti.static(self.spec.remembers_normal):
@@ -183,19 +188,21 @@ class ContactForces(EffectSet):
         """The contact in place i of the block as the effects see it."""
         depth, n = block.depth[i], get(block, "normal", i, self.dim)
         v = get(block, "velocity", i, self.dim)
-        normal_angular_velocity = 0.0 * depth
+        normal_angular_velocity, normal_change = 0.0 * depth, 0.0 * n
         if ti.static(self.spec.rotates and self.spec.shaped):
             normal_angular_velocity = block.normal_angular_velocity[i]
+            if ti.static(self.dim == 3):
+                normal_change = get(block, "normal_change", i, self.dim)
         elif ti.static(self.spec.rotates):  # of spheres both arms lie along the normal
-            omega_k, omega_l = (
-                get(block, "omega_k", i, self.rotation_size),
-                get(block, "omega_l", i, self.rotation_size),
-            )
+            omega_k = get(block, "omega_k", i, self.rotation_size)
+            omega_l = get(block, "omega_l", i, self.rotation_size)
             a, b = block.radius_k[i] - 0.5 * depth, block.radius_l[i] - 0.5 * depth
-            v -= rotational_velocity(a * omega_k + b * omega_l, n)
+            v, normal_change = self.velocity_of_spheres(v, n, a, b, omega_k, omega_l, dt)
             if ti.static(self.dim == 3):
                 normal_angular_velocity = 0.5 * n.dot(omega_k + omega_l)
         contact = self.make_contact(v, n, depth, block.inverse_mass[i], normal_angular_velocity, dt)
+        if ti.static(self.spec.rotates and self.dim == 3):
+            contact.normal_change = normal_change
         if ti.static("reduced_radius" in self.needs):
             contact.reduced_radius = block.reduced_radius[i]
         if ti.static("relative_angular_velocity" in self.needs):
@@ -203,11 +210,8 @@ class ContactForces(EffectSet):
                 relative = get(block, "relative_angular_velocity", i, self.rotation_size)
                 contact.relative_angular_velocity = relative
             else:
-                omega_k, omega_l = (
-                    get(block, "omega_k", i, self.rotation_size),
-                    get(block, "omega_l", i, self.rotation_size),
-                )
-                contact.relative_angular_velocity = omega_l - omega_k
+                omega_k = get(block, "omega_k", i, self.rotation_size)
+                contact.relative_angular_velocity = get(block, "omega_l", i, self.rotation_size) - omega_k
         return contact
 
     @ti.func

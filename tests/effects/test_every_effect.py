@@ -29,7 +29,7 @@ NUMBERS = (
     "normal_force",
     "stiffness",
 )
-VECTORS = ("normal", "slip", "tangential_force")
+VECTORS = ("normal", "slip", "normal_change", "tangential_force")
 AXIAL = ("relative_angular_velocity", "contact_moment")  # one component in 2D
 EFFECTS = find_effects()
 CASES = [
@@ -116,7 +116,9 @@ class Bench:
 
     @ti.func
     def give_optional(self, contact: ti.template(), c):
-        """Inputs that only some effects need."""
+        """Inputs that only some contacts have."""
+        if ti.static(self.dim == 3):
+            contact.normal_change = self.normal_change[c]
         if ti.static("reduced_radius" in self.effect.needs):
             contact.reduced_radius = self.reduced_radius[c]
         if ti.static("relative_angular_velocity" in self.effect.needs):
@@ -184,10 +186,13 @@ def random_contacts(rng, dim, touching=1):
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     slip = rng.standard_normal((COUNT, dim)) * 0.05
     slip -= np.sum(slip * normal, axis=1)[:, None] * normal
+    change = rng.standard_normal((COUNT, dim)) * 0.01
+    change -= np.sum(change * normal, axis=1)[:, None] * normal
     depth = DEPTH * rng.random(COUNT) * touching
     return {
         "normal": normal,
         "slip": slip,
+        "normal_change": change,
         "depth": depth,
         "approach": rng.standard_normal(COUNT),
         "gap": 0.0 if touching else 100.0 * DEPTH,
@@ -293,7 +298,7 @@ def check_closed_histories_create_no_energy(bench, rng, dim, dissipates):
 
 
 def check_reaction_is_opposite(bench, inputs):
-    swapped = inputs | {"normal": -inputs["normal"], "slip": -inputs["slip"]}
+    swapped = inputs | {name: -inputs[name] for name in ("normal", "slip", "normal_change")}
     swapped["relative_angular_velocity"] = -1.0 * np.asarray(inputs["relative_angular_velocity"])
     swapped["normal_angular_velocity"] = -1.0 * np.asarray(inputs["normal_angular_velocity"])
     first, second = two_steps(bench, inputs), two_steps(bench, swapped)
@@ -304,7 +309,8 @@ def check_reaction_is_opposite(bench, inputs):
 
 
 def check_force_turns_with_the_frame(bench, inputs, rotation):
-    vectors = ("normal", "slip", "relative_angular_velocity") if rotation.shape[1] == 3 else ("normal", "slip")
+    vectors = ("normal", "slip", "normal_change")
+    vectors += ("relative_angular_velocity",) if rotation.shape[1] == 3 else ()
     rotated = inputs | {n: np.einsum("cij,cj->ci", rotation, inputs[n]) for n in vectors}
     first, second = two_steps(bench, inputs), two_steps(bench, rotated)
     for name in ("normal_force", "lost", "energy"):
