@@ -210,7 +210,10 @@ class Walls:
                 v -= velocity_turned_back(omega, arm - (radius - 0.5 * depth) * n, ti.cast(dt, self.real))
             if ti.static(self.dim == 3):  # mean of the grain and the wall, which does not rotate
                 normal_angular_velocity = 0.5 * omega.dot(n)
-        contact = forces.make_contact(v, n, depth, g.inverse_mass[k], normal_angular_velocity, dt)
+        inverse_mass = g.inverse_mass[k]
+        if ti.static(self.spec.shaped):
+            inverse_mass = forces.geometry.mobility(k, torque_of(arm, n))
+        contact = forces.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
         if ti.static("reduced_radius" in forces.needs):
             contact.reduced_radius = radius
         if ti.static("relative_angular_velocity" in forces.needs):
@@ -260,9 +263,10 @@ class Walls:
                 # A contact that began or ended inside the step: correct the trapezoidal rule by an impulse.
                 if touching != previous_status & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
-                    inverse_effective_mass = forces.correction.mobility(k, torque_of(arm, contact.normal))
-                    size = forces.correction.impulse(touching, depth, last, earlier, inverse_effective_mass, dt)
+                    inverse_effective_mass = forces.geometry.mobility(k, torque_of(arm, contact.normal))
+                    size, lost = forces.correction.impulse(touching, depth, last, earlier, inverse_effective_mass, dt)
                     if size != 0.0:
+                        forces.add_lost_at_onset(k, lost)
                         status += HAS_IMPULSE
                         self.row_impulse[r] = size * contact.normal
                         g.has_impulse[k] = ti.cast(1, ti.i8)

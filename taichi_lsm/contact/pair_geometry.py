@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..core.allocation import when_allocated, write
+from ..core.rotation import torque_of, unrotate
 from ..core.runtime import current, ti
 from .error_flags import OVERLAP
 from .pair_storage import PART_BASE
@@ -168,3 +169,18 @@ class PairGeometry:
             if ti.static(self.spec.remembers_normal):
                 n = self.pairs.normal[s]
         return features, n
+
+    @ti.func
+    def mobility(self, k, lever):
+        """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
+        result = self.grains.inverse_mass[k]
+        if ti.static(self.spec.rotates):
+            if ti.static(self.spec.tumbles):  # to the axes that inverse_inertia belongs to
+                lever = unrotate(ti.cast(self.grains.orientation[k], self.real), lever)
+            result += (lever * lever * self.grains.inverse_inertia[k]).sum()
+        return result
+
+    @ti.func
+    def inverse_effective_mass(self, k, l, n, arm_k, arm_l):
+        """Acceleration of the depth per force along n at a contact of grains k and l [kg-1]; arms [m]."""
+        return self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))

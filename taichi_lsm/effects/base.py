@@ -83,7 +83,8 @@ Onset
 `onset_impulse` corrects the error that Verlet's trapezoidal rule makes where the force starts or ends inside a step.
 For a force c t^p that starts a fraction of the step before its end it is -c dt^(p+1) zeta(-p, fraction), zeta the
 Hurwitz zeta function. speed [m s-1] is that of approach (begin) or recession (end) at depth zero, acceleration [m s-2]
-the second rate of the depth in time (begin) or in reversed time (end).
+the second rate of the depth in time (begin) or in reversed time (end). The force with which the effects of the phase
+"damping" begin at once is corrected in the same way; they need no hook for it.
 """
 
 import copy
@@ -195,8 +196,9 @@ def contact_type(dim: int, effects: Sequence["Effect"] = ()) -> Any:
         Inputs: depth [m] >= 0; touching, 0 or 1; normal [1], from k to l; approach [m s-1], closing speed -v_rel . n;
         slip [m s-1], tangential velocity of l against k at the contact point; normal_angular_velocity [rad s-1], mean
         of both grains about the normal; normal_change [1], in 3D: change of the normal in the last step, across it;
-        mass [kg], m_k m_l/(m_k + m_l); dt [s]; gap [m], if an effect has a reach; those of `OPTIONAL` that an effect
-        needs. Velocities are those of the middle of the step.
+        mass [kg], the effective one along the normal, 1/(1/m_k + 1/m_l + (a x n)^2/I of both), a the arms; dt [s];
+        gap [m], if an effect has a reach; those of `OPTIONAL` that an effect needs. Velocities are those of the middle
+        of the step.
 
         Sums over the effects, Eq. (10) of Abe & Mora (2003): normal_force [N, repulsive]; stiffness [N m-1];
         tangential_force [N, on l]; contact_moment [N m, on l], if an effect adds one; sliding, 0 or 1.

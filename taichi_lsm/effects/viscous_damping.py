@@ -55,9 +55,11 @@ class ViscousDamping(Effect):
 
     Notes
     -----
-    k is the stiffness of the effects that repel, m the reduced mass. No energy is stored; the work of the dashpot with
-    the mean force of this step and the last is dissipated. Remembered: the force of the last step. The stable step is
-    2 m/(C c), for the dashpot acts with velocities half a step old; C contacts, c at the lightest pair of grains.
+    k is the stiffness of the effects that repel, m the effective mass along the normal, rotation included. No energy is
+    stored; the work of the dashpot with the mean force of this step and the last is dissipated. Remembered: the force
+    of the last step. The stable step is 2 m/(C c), for the dashpot acts with velocities half a step old; C contacts, c
+    and m at the lightest pair of grains and the longest lever. Leapfrog with these velocities has the damping ratio
+    zeta (1 + c dt/(4 m)): by restitution, c is divided by as much, so that the error is of second order in dt.
 
     References
     ----------
@@ -98,8 +100,8 @@ class ViscousDamping(Effect):
         require(elastic, self, "restitution, rate", (self.restitution, self.rate), "listed beside an elastic effect")
 
     def stable_dt(self, bodies: Bodies) -> float:
-        """2 m/(C c) [s], c at the lightest pair of grains."""
-        m = 0.5 * bodies.least_mass
+        """2 m/(C c) [s], c and m at the lightest pair of grains and the longest lever."""
+        m = 0.5 * bodies.least_mass / (1.0 + bodies.lever_factor)
         c = self.parameters()["c"] * (np.sqrt(bodies.normal_stiffness * m) if self.by_restitution else m)
         return 2.0 * m / (bodies.coordination * c) if c > 0.0 else np.inf
 
@@ -109,6 +111,7 @@ class ViscousDamping(Effect):
         c = self.c_[0]  # becomes the dashpot's constant [kg s-1]: 2 zeta sqrt(k m) or gamma m
         if ti.static(self.by_restitution):
             c *= ti.sqrt(contact.stiffness * contact.mass)
+            c *= contact.mass / (contact.mass + 0.25 * c * contact.dt)
         else:
             c *= contact.mass
         force = c * contact.approach

@@ -27,7 +27,7 @@ class ContactForces(EffectSet):
         super().__init__(spec, geometry, effects, bonds)
         self.domain, self.walls = domain, walls
         self.crosses_seams = spec.onset and spec.remembers_features
-        self.correction = OnsetCorrection(spec, geometry, self.springs, self.contact_type)
+        self.correction = OnsetCorrection(spec, geometry, self.contact_effects, self.contact_type)
         self.load_type = self._load_type()
         self.width = block_width()
         channels = self.contact_channel_count if spec.tracks_dissipation else 0
@@ -160,9 +160,9 @@ class ContactForces(EffectSet):
             pairs.free_until[s] = ti.select(gap > 0.0, NEARLY * travel + gap, -1.0)
         block.depth[i] = depth
         put(block, "normal", i, n)
+        block.inverse_mass[i] = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
         v, change = self.velocity_of_shapes(k, l, s, depth, n, arm_k, arm_l, dt)
         put(block, "velocity", i, v)
-        block.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
         if ti.static("reduced_radius" in self.needs):
             block.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
         if ti.static("relative_angular_velocity" in self.needs):
@@ -309,8 +309,9 @@ class ContactForces(EffectSet):
         if touching != touched:
             n, depth, branch, arm_k = self.reload_contact(block, i, s, k)
             l = pairs.second_slot[s]
-            size = self.correction.end_impulse(k, l, s, branch, touching, depth, n, arm_k, arm_k - branch, dt)
+            size, lost = self.correction.end_impulse(k, l, s, branch, touching, depth, n, arm_k, arm_k - branch, dt)
             if size != 0.0:
+                self.add_lost_at_onset(k, lost)
                 impulse = size * n
                 self.store_impulse(s, k, impulse, -torque_of(arm_k, impulse), torque_of(arm_k - branch, impulse))
                 result = HAS_IMPULSE

@@ -29,7 +29,7 @@ class EffectSet:
 
     contact_effects: of contacts; body_effects, motion_effects: of grains; springs: effects whose onset is corrected;
     channels: effects that dissipate, in the order of the columns of `dissipated`, of which the first
-    `contact_channel_count` act on contacts; needs: inputs that some effect wants.
+    `contact_channel_count` act on contacts; dashpots: those among them that damp; needs: inputs that some effect wants.
     """
 
     def __init__(self, spec, geometry, effects, bonds=None):
@@ -45,6 +45,7 @@ class EffectSet:
         self.contact_type = contact_type(self.dim, self.contact_effects)
         self.bonds = bonds
         self.channels = energy_channels(effects)
+        self.dashpots = [e for e in self.channels if e.phase == "damping"]
         self.contact_channel_count = sum(e.phase in ON_CONTACTS for e in self.channels)
 
     def history_slice(self, effect: Effect) -> tuple[int, int]:
@@ -64,7 +65,10 @@ class EffectSet:
         normal_angular_velocity = 0.0 * depth
         if ti.static(self.spec.rotates and self.dim == 3):
             normal_angular_velocity = 0.5 * n.dot(ti.cast(g.angular_velocity[k] + g.angular_velocity[l], self.real))
-        contact = self.make_contact(v, n, depth, g.inverse_mass[k] + g.inverse_mass[l], normal_angular_velocity, dt)
+        inverse_mass = g.inverse_mass[k] + g.inverse_mass[l]
+        if ti.static(self.spec.shaped):
+            inverse_mass = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
+        contact = self.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
         if ti.static("reduced_radius" in self.needs):
             contact.reduced_radius = self.geometry.reduced_radius(k, l, s)
         if ti.static("relative_angular_velocity" in self.needs):
@@ -124,7 +128,7 @@ class EffectSet:
 
     @ti.func
     def make_contact(self, v, n, depth, inverse_mass, normal_angular_velocity, dt):
-        """A contact with the velocity v of l against k [m s-1] and the sum of both inverse masses [kg-1]."""
+        """A contact with the velocity v of l against k [m s-1] and the inverse effective mass [kg-1]."""
         contact = self.contact_type(0)
         v_n = v.dot(n)
         contact.touching = ti.cast(depth > 0.0, ti.i32)
@@ -138,6 +142,14 @@ class EffectSet:
         contact.mass = 1.0 / inverse_mass
         contact.dt = dt
         return contact
+
+    @ti.func
+    def add_lost_at_onset(self, k, lost):
+        """Add the energy [J] that dashpots lost by the impulse of an onset to grain k and their first channel."""
+        g = self.grains
+        if ti.static(self.spec.tracks_dissipation and len(self.dashpots) > 0):
+            channel = ti.static(self.channel_of(self.dashpots[0]))
+            g.dissipated[k][channel] = g.dissipated[k][channel] + ti.cast(lost, ti.f64)
 
     @ti.func
     def history_of(self, effect: ti.template(), s):

@@ -1,10 +1,11 @@
 """Impulses in the step in which a contact begins, ends or crosses a seam.
 
 Verlet is the trapezoidal rule for the impulse of a force; where the force starts, stops or bends inside a step the rule
-errs by a Hurwitz zeta term (generalised Euler-Maclaurin), which these impulses make up for.
+errs by a Hurwitz zeta term (generalised Euler-Maclaurin), which these impulses make up for. The force of a dashpot
+starts with a jump, that of a spring with a slope.
 """
 
-from ..core.rotation import advanced_orientation, torque_of, unrotate
+from ..core.rotation import advanced_orientation, torque_of
 from ..core.runtime import current, ti
 
 LEAST_FRACTION = 0.03  # of a step after a seam: in less the features do not differ by more than their errors
@@ -13,24 +14,26 @@ GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the 
 
 @ti.data_oriented
 class OnsetCorrection:
-    """The impulses of one scene. geometry: PairGeometry; springs: effects with `onset_impulse`."""
+    """The impulses of one scene. geometry: PairGeometry; effects: those of contacts, in the order of their phases."""
 
-    def __init__(self, spec, geometry, springs, contact_type):
-        self.spec = spec
-        self.geometry, self.springs, self.contact_type = geometry, springs, contact_type
+    def __init__(self, spec, geometry, effects, contact_type):
+        self.spec, self.geometry, self.contact_type = spec, geometry, contact_type
+        self.springs = [e for e in effects if hasattr(type(e), "onset_impulse")]
+        self.along_normal = [e for e in effects if e.phase in ("normal", "damping")]
+        self.damped = any(e.phase == "damping" for e in effects)
         self.grains = geometry.grains
         self.surface = geometry.surface if spec.shaped else None
         self.real = current().real
 
     @ti.func
     def end_impulse(self, k, l, s, d, began, depth, n, arm_k, arm_l, dt):
-        """Impulse along the contact [N s] in the first step after it begins (began = 1) or ends (0).
+        """(impulse along the contact [N s], energy lost by it [J]) in the first step after it begins (1) or ends (0).
 
         It makes up for the share of the step in which the force was not the trapezoid that Verlet takes it for; see
         `passage`. A contact that began and ended within one step leaves nothing to correct.
         """
         last, earlier = self.depths_before(k, l, s, d, n, dt)
-        inverse_effective_mass = self.mobility(k, torque_of(arm_k, n)) + self.mobility(l, torque_of(arm_l, n))
+        inverse_effective_mass = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
         return self.impulse(began, depth, last, earlier, inverse_effective_mass, dt)
 
     @ti.func
@@ -40,7 +43,7 @@ class OnsetCorrection:
         inverse_effective_mass [kg-1]: acceleration of the depth per force. Speed and acceleration of the depth follow
         from the three depths; where the contact ends, time is reversed, so that it begins.
         """
-        impulse = 0.0 * depth
+        impulse, lost = 0.0 * depth, 0.0 * depth
         u, inside = (depth - last) / dt, depth
         acceleration = (u - (last - earlier) / dt) / dt
         if began == 0:  # the contact's own force fades within the step: it belongs to the acceleration of the last one
@@ -50,7 +53,16 @@ class OnsetCorrection:
         if u > 0.0 and time < dt:
             for effect in ti.static(self.springs):
                 impulse += effect.onset_impulse(u, acceleration, time / dt, dt)
-        return impulse
+            if ti.static(self.damped):
+                if began == 1:
+                    # The force of a dashpot begins with a jump F at once: c t^0, corrected by -F dt zeta(0, fraction).
+                    jump = self.force_along_normal(0.0 * depth, u, inverse_effective_mass, dt)
+                    damping_impulse = jump * (time - 0.5 * dt)
+                    impulse += damping_impulse
+                    lost = damping_impulse * u
+                elif self.force_along_normal(ti.max(last, 0.0), -u, inverse_effective_mass, dt) == 0.0:
+                    impulse = 0.0 * depth  # the force of a damped contact ends before the contact
+        return impulse, lost
 
     @ti.func
     def depths_before(self, k, l, s, d, n, dt):
@@ -91,22 +103,26 @@ class OnsetCorrection:
         return speed, time
 
     @ti.func
-    def mobility(self, k, lever):
-        """Acceleration of a point of grain k per force [kg-1]; lever = arm x direction of the force [m]."""
-        result = self.grains.inverse_mass[k]
-        if ti.static(self.spec.rotates):
-            if ti.static(self.spec.tumbles):  # to the axes that inverse_inertia belongs to
-                lever = unrotate(ti.cast(self.grains.orientation[k], self.real), lever)
-            result += (lever * lever * self.grains.inverse_inertia[k]).sum()
-        return result
-
-    @ti.func
     def elastic_force(self, depth):
         """Force of the springs alone at this depth [N]."""
         contact = self.contact_type(0)
         contact.depth = depth
         for effect in ti.static(self.springs):
             effect.on_contact(contact, 0)
+        return contact.normal_force
+
+    @ti.func
+    def force_along_normal(self, depth, approach, inverse_effective_mass, dt):
+        """Force of springs and dashpots [N] at this depth [m] and approach [m s-1] of a contact without a past."""
+        contact = self.contact_type(0)
+        contact.touching, contact.depth, contact.approach = 1, depth, approach
+        contact.mass, contact.dt = 1.0 / inverse_effective_mass, dt
+        for effect in ti.static(self.along_normal):
+            if ti.static(effect.history_size(self.geometry.dim) > 0):
+                history = ti.Vector([0.0 * depth] * ti.static(effect.history_size(self.geometry.dim)))
+                effect.on_contact(contact, history)
+            else:
+                effect.on_contact(contact, 0)
         return contact.normal_force
 
     @ti.func

@@ -59,10 +59,10 @@ def test_elastic_impact_lasts_half_a_period_and_returns_all(impacts):
 
 @pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
 def test_impact_returns_the_requested_restitution(impacts, e):
-    restitution, _ = fly(impacts, e, 2000)
-    assert np.abs(restitution - e).max() < 1e-3
-    rough, _ = fly(impacts, e, 250)
-    assert np.abs(restitution - e).max() < 0.3 * np.abs(rough - e).max()  # it converges to e
+    """At second order in dt: the onset of the dashpot within a step and the lag of its velocity are made up for."""
+    error = [np.abs(fly(impacts, e, steps)[0] - e).max() for steps in (50, 400)]
+    assert error[0] < 1e-3
+    assert error[1] < error[0] / 8**1.7
 
 
 def test_energy_lost_in_impacts_is_the_energy_dissipated(impacts):
@@ -75,7 +75,7 @@ def test_energy_lost_in_impacts_is_the_energy_dissipated(impacts):
         left, lost = scenes.energy(sim)
         assert left == pytest.approx(0.5 * np.sum(reduced * (restitution * SPEED) ** 2), rel=1e-12)
         residual.append(abs(left + lost - start) / start)
-    assert residual[0] < 1e-2 and residual[1] < 0.2 * residual[0]
+    assert residual[0] < 5e-6 and residual[1] < 0.05 * residual[0]
 
 
 @pytest.mark.parametrize("zeta", [0.05, 0.5, 0.9, 1.0, 1.3, 4.0])
