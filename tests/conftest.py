@@ -2,10 +2,10 @@
 
 Taichi 1.7 numbers all nodes of a process in a table of 1024 and writes past its end without a word; a simulation takes
 100 to 250 of them, and Taichi cannot be started afresh in one process while sparse fields exist. So the test process
-itself never starts Taichi: its tests run in children, which are forks of it. Taichi finds a kernel in its cache only if
-the nodes have the same numbers as before. So a test that makes its own simulation has a child of its own, where the
-table is empty. Tests that share what a fixture of their module makes share a child; when its table fills up, the module
-goes on in the next one, with module fixtures of its own. A child that dies is one failed test, and the rest goes on.
+itself never starts Taichi: its tests run in a child, which a fork makes in a third of a second. A module begins with an
+empty table, because Taichi finds a kernel in its cache only if the nodes have the same numbers as before; when the
+table fills up, the module goes on in the next child, with module fixtures of its own. A child that dies is one failed
+test, and the rest goes on.
 """
 
 import os
@@ -50,7 +50,7 @@ LONGEST = (  # modules that take most time, in this order; then those of few tes
     "effects/test_every_effect.py",
 )
 
-_children = {}  # by whether the tests in it share module fixtures: the present one of each kind
+_child = []  # the present one
 
 
 @pytest.hookimpl(trylast=True)
@@ -76,34 +76,25 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item, nextitem):
-    """Run a test in the present child of its kind, or in a new one."""
+    """Run a test in the present child, or in a new one."""
     if not hasattr(os, "fork") or item.config.getoption("usepdb"):
         return None
-    kind = shares(item)
-    if kind in _children and not _children[kind].takes(item):
-        _children.pop(kind).retire()
-    child = _children[kind] = _children.get(kind) or Child(item)
+    if _child and not _child[0].takes(item):
+        _child.pop().retire()
+    if not _child:
+        _child.append(Child(item))
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    used, reports = child.nodes, child.run(item, nextitem)
+    used, reports = _child[0].nodes, _child[0].run(item, nextitem)
     if used and any(NO_ROOM in str(report.longrepr) for report in reports):
-        child.retire()
-        _children[kind] = child = Child(item)
-        reports = child.run(item, nextitem)
+        _child.pop().retire()
+        _child.append(Child(item))
+        reports = _child[0].run(item, nextitem)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-    if not child.alive:
-        _children.pop(kind).retire()
-    if nextitem is None:
-        while _children:
-            _children.popitem()[1].retire()
+    if nextitem is None or not _child[0].alive:
+        _child.pop().retire()
     return True
-
-
-def shares(item):
-    """Whether a test uses what a fixture makes once for its module."""
-    made = getattr(item, "_fixtureinfo", None)
-    return made is not None and any(made.name2fixturedefs[n][-1].scope == "module" for n in made.name2fixturedefs)
 
 
 class Child:
@@ -120,16 +111,14 @@ class Child:
             warnings.simplefilter("ignore", DeprecationWarning)  # threads of numerical libraries sleep through a fork
             self.pid = os.fork()
         if self.pid == 0:
-            for child in (self, *_children.values()):  # a pipe is at its end when nobody else holds it open
-                child.pipe.close()
+            self.pipe.close()
             serve(theirs, item.session)
         theirs.close()
 
     def takes(self, item):
-        """May the next test run here? Not in another precision, after nodes that it does not share, in a full table."""
+        """May the next test run here? Not in another precision, after another module's nodes, or in a full table."""
         (module, precision), (mine, own) = scope_of(item), self.scope
-        shared = shares(item) and module == mine and self.nodes < FULL
-        return precision == own and (self.nodes == 0 or shared)
+        return precision == own and (self.nodes == 0 or (module == mine and self.nodes < FULL))
 
     def run(self, item, nextitem):
         """The reports of a test; one that says so if the child dies."""
