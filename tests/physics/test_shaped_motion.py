@@ -40,10 +40,8 @@ SHAPES = {
 }
 
 
-LONG_TO_COMPILE = [pytest.param(name, marks=pytest.mark.validate) for name in ("polyhedra", "union")]
-
-
-@pytest.mark.parametrize("name", ["chains", *LONG_TO_COMPILE])
+@pytest.mark.validate  # long to compile; tests/physics/test_conservation.py has chains among its clusters
+@pytest.mark.parametrize("name", SHAPES)
 def test_an_isolated_cluster_keeps_its_momenta_and_its_energy(runtime, name):
     dim, shapes = SHAPES[name]
     check_conservation(cluster(dim, shapes()))
