@@ -4,8 +4,9 @@ The file is plain NetCDF, one group per table. A simulation is restored into one
 the same precision; the steps that follow give the same bits as if the run had not been interrupted.
 """
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,13 +21,16 @@ from ..contact.neighbour_list import grown
 from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError, finite
 from ..core.schema import Variable
+from .scene_identity import scene_identity
 
 if TYPE_CHECKING:
     from ..simulation import Simulation
 
-FORMAT = 2
+FORMAT = 3
+OF_SCENE = "scene_"  # with which the attributes begin that `scene_identity` gives
 COUNTERS = ("step", "rebuilds")
-COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside `dt` and those of `_identity`
+COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside NUMBERS and those of `_identity`
+NUMBERS = {"dt": "s", "skin": "m", "list_skin": "m"}
 EXPECTED = "must be a whole file that save_checkpoint wrote"
 LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
 PLATEN_ROWS = tuple(
@@ -50,11 +54,22 @@ SPRING_ROW = Variable("stretch", ("platen", "space"), "f64", "m", "stretch of th
 
 @dataclass(frozen=True)
 class _Saved:
-    """Contents of a checkpoint: its time step [s], its whole numbers and {group: {row: values of the rows in use}}."""
+    """Contents of a checkpoint.
 
-    dt: float
+    Attributes
+    ----------
+    numbers, counts
+        Those of NUMBERS, in their units; whole numbers of COUNTS.
+    tables
+        {group: {row: values of the rows in use}}.
+    drives
+        Drives of the platens along each axis, [] if there are none.
+    """
+
+    numbers: dict[str, float]
     counts: dict[str, int]
     tables: dict[str, dict[str, npt.NDArray]]
+    drives: list[list[Any]]
 
 
 def save_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
@@ -71,16 +86,22 @@ def save_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
         for name in COUNTERS:
             file.setncattr(name, np.int64(getattr(sim, name)))
         file.searches = np.int64(sim.search.searches)
-        file.dt = sim.dt
+        for name, value in zip(NUMBERS, (sim.dt, sim.skin, float(sim.search.skin.to_numpy())), strict=True):
+            file.setncattr(name, value)
         file.pair_capacity = np.int64(sim.pairs.capacity)
         for group, rows, owner, count in _tables(sim):
             _write(file.createGroup(group), rows, owner, count)
+        if sim.platens:
+            file.drives = _drives_text(sim)
 
     write_atomically(path, fill)
 
 
 def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
     """Put `sim`, made from the same scene, into the state saved at `path`.
+
+    Every input of the scene must be the same, but for those of `scene_identity.FREE`: positions, velocities and
+    orientations, the time step and the margin of the list are those of the file; guards and threads those of `sim`.
 
     Raises
     ------
@@ -89,12 +110,16 @@ def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
         simulation is then as it was.
     """
     saved = _read(sim, Path(path))
-    sim.set_time_step(saved.dt)  # refuses a step that is none, hence first
+    sim.set_time_step(saved.numbers["dt"])
+    sim.set_skin(saved.numbers["skin"])
+    sim.search.set_skin(saved.numbers["list_skin"])
     capacity = saved.counts["pair_capacity"]
     if capacity > sim.pairs.capacity:
         sim.compose(grown(sim.pairs, capacity))
     for group, rows, owner, _ in _tables(sim):
         _fill(saved.tables[group], rows, owner)
+    if sim.platens:
+        sim.platens.drives = saved.drives
     for name in COUNTERS:
         setattr(sim, name, saved.counts[name])
     sim.search.searches = saved.counts["searches"]
@@ -158,6 +183,7 @@ def _identity(sim: "Simulation") -> dict[str, Any]:
         "energy_channels": np.int64(sim.spec.channels),
         "history": np.int64(sim.spec.history),
         **({"bonds": np.int64(sim.bonds.count)} if sim.bonds else {}),
+        **{f"{OF_SCENE}{name}": text for name, text in scene_identity(scene).items()},
     }
 
 
@@ -168,8 +194,9 @@ def _require_same(sim: "Simulation", path: Path, file: netCDF4.Dataset) -> None:
         theirs = file.getncattr(name)
         if theirs != mine:
             saved, present = ("none" if text == "" else text for text in (theirs, mine))
+            shown = name.replace(OF_SCENE, "Scene.")
             raise InputError(
-                f"checkpoint {path}: {name} is {saved}, but the scene has {present}; "
+                f"checkpoint {path}: {shown} is {saved}, but the scene has {present}; "
                 "restore it into a simulation of the scene that it was saved from"
             )
 
@@ -198,24 +225,49 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
             _require_same(sim, path, file)
-            lacking = [name for name in (*COUNTS, "dt") if name not in file.ncattrs()]
+            lacking = [name for name in (*COUNTS, *NUMBERS) if name not in file.ncattrs()]
             if lacking:
                 raise InputError(f"checkpoint {path}: {', '.join(lacking)} missing, {EXPECTED}")
-            numbers = {name: file.getncattr(name) for name in (*COUNTS, "dt")}
+            numbers = {name: file.getncattr(name) for name in (*COUNTS, *NUMBERS)}
             tables = {
                 group: {row.name: file[group][row.name][:] for row in rows if row.restart}
                 for group, rows, _, _ in _tables(sim)
             }
+            drives = file.drives if sim.platens else "[]"
     except (OSError, RuntimeError, IndexError, AttributeError, KeyError) as error:
         raise InputError(f"checkpoint {path}: cannot be read ({error}), {EXPECTED}") from None
-    if not (finite(numbers["dt"]) and numbers["dt"] > 0.0):
-        raise InputError(f"checkpoint {path}: dt is {numbers['dt']!r} s, must be > 0, {EXPECTED}")
+    for name, unit in NUMBERS.items():
+        least = "> 0" if name == "dt" else ">= 0"
+        if not (finite(numbers[name]) and (numbers[name] > 0.0 or (least == ">= 0" and numbers[name] == 0.0))):
+            raise InputError(f"checkpoint {path}: {name} is {numbers[name]!r} {unit}, must be {least}, {EXPECTED}")
     for name in COUNTS:
         if not (finite(numbers[name]) and numbers[name] >= 0 and numbers[name] == int(numbers[name])):
             raise InputError(f"checkpoint {path}: {name} is {numbers[name]!r}, must be a whole number >= 0, {EXPECTED}")
     counts = {name: int(numbers[name]) for name in COUNTS}
     _require_shapes(sim, path, tables, counts["pair_capacity"])
-    return _Saved(float(numbers["dt"]), counts, tables)
+    lengths_and_time = {name: float(numbers[name]) for name in NUMBERS}
+    return _Saved(lengths_and_time, counts, tables, _saved_drives(sim, path, drives))
+
+
+def _drives_text(sim: "Simulation") -> str:
+    """The drives of all platens now, which may differ from those of the scene: class and values, as JSON."""
+    drives = [[{"kind": type(drive).__name__, **asdict(drive)} for drive in axes] for axes in sim.platens.drives]
+    return json.dumps(drives)
+
+
+def _saved_drives(sim: "Simulation", path: Path, text: str) -> list[list[Any]]:
+    """The drives that `_drives_text` wrote, of the classes that the simulation has compiled; InputError otherwise."""
+    found = []
+    present = sim.platens.drives if sim.platens else []
+    try:
+        for saved, now in zip(json.loads(text), present, strict=True):
+            numbers = [{name: v for name, v in drive.items() if name != "kind"} for drive in saved]
+            if [drive["kind"] for drive in saved] != [type(drive).__name__ for drive in now]:
+                raise ValueError("other kinds of drives")
+            found.append([type(drive)(**given) for drive, given in zip(now, numbers, strict=True)])
+    except (ValueError, TypeError, KeyError, AttributeError, InputError) as error:
+        raise InputError(f"checkpoint {path}: drives cannot be read ({error}), {EXPECTED}") from None
+    return found
 
 
 def _require_shapes(sim: "Simulation", path: Path, tables: dict[str, dict[str, npt.NDArray]], capacity: int) -> None:

@@ -94,6 +94,8 @@ def check_refused(saved, path, reason):
 def test_a_restored_run_gives_the_same_bits(saved, tmp_path, name):
     file = tmp_path / "checkpoint.nc"
     first = scenes.simulate(SCENES[name]())
+    if first.platens:
+        first.platens.set("top", 0, lsm.ConstantVelocity(0.6))
     first.run(STEPS)
     lsm.save_checkpoint(first, file)
     half = digest(first)
@@ -101,6 +103,7 @@ def test_a_restored_run_gives_the_same_bits(saved, tmp_path, name):
     second = scenes.simulate(SCENES[name]())
     lsm.restore_checkpoint(second, file)
     assert digest(second) == half
+    assert not first.platens or second.platens.drives == first.platens.drives
     assert first.rebuilds > half[2] > 0
     second.run(STEPS)
     assert digest(second) == digest(first) != half
@@ -202,6 +205,21 @@ def test_only_a_file_of_this_run_is_its_last_good_state(saved, tmp_path):
     assert saved_at_a_stop() == ["stopped.nc", "checkpoint.nc"]
     sim.reset(sim.scene)
     assert saved_at_a_stop() == ["stopped.nc"]
+
+
+def test_drives_of_another_kind_or_without_values_are_refused(saved, tmp_path):
+    sim = scenes.simulate(layer())
+    whole, copy = tmp_path / "whole.nc", tmp_path / "copy.nc"
+    lsm.save_checkpoint(sim, whole)
+    before = digest(sim)
+    for change in ('"Fixed"', '"velocity": -0.5', '"stress": 100.0', "[["):
+        copy.write_bytes(whole.read_bytes())
+        with netCDF4.Dataset(copy, "a") as file:
+            assert change in file.drives
+            file.drives = file.drives.replace(change, '"velocity": "fast"', 1)
+        with pytest.raises(lsm.InputError, match=r"copy\.nc: drives cannot be read"):
+            lsm.restore_checkpoint(sim, copy)
+    assert digest(sim) == before
 
 
 def test_no_checkpoint_is_written_without_a_folder(saved, tmp_path):
