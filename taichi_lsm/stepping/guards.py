@@ -23,6 +23,8 @@ class Guards:
         Overlap of a contact over its overlap limit, 1 or None.
     wall : float
         Centres may not pass plane walls, 1 or None.
+    platen : float
+        Centres of mobile grains may not pass the platens of a layer, 1 or None.
     finite : float
         Positions, velocities and orientations are numbers, 1 or None.
 
@@ -37,6 +39,7 @@ class Guards:
     energy: float | None = 0.1
     overlap: float | None = 1.0
     wall: float | None = 1.0
+    platen: float | None = 1.0
     finite: float | None = 1.0
 
     def __post_init__(self):
@@ -44,6 +47,6 @@ class Guards:
             limit = getattr(self, name)
             if limit is not None and not (np.isfinite(limit) and limit > 0.0):
                 raise InputError(f"Guards.{name} = {limit!r}: must be > 0, or None to switch the guard off")
-        for name in ("overlap", "wall", "finite"):
+        for name in ("overlap", "wall", "platen", "finite"):
             if getattr(self, name) not in (1.0, None):
                 raise InputError(f"Guards.{name} = {getattr(self, name)!r}: must be 1, or None to switch the guard off")

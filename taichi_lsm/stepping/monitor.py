@@ -5,6 +5,7 @@ so that its speed is checked there; contacts, numbers and energies are checked o
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ..measure.energy_budget import energies
 
 CHECK_STEPS = 1000  # between two checks of contacts and speeds
 BALANCE_STEPS = 5000  # between two sums of the energies
+NO_PLATEN = -2  # no platen that bounds the grains; -1 marks mobile grains
 
 
 @ti.data_oriented
@@ -33,6 +35,7 @@ class Monitor:
         self.next_check = self.next_sum = self.check_steps = CHECK_STEPS
         self.bodies = self.first_energies = None
         self.highest = 0.0
+        self.bottom, self.top = platens_around(sim.scene)
         if former:
             self.next_check, self.check_steps, self.next_sum = former.next_check, former.check_steps, former.next_sum
             self.bodies, self.highest = former.bodies, former.highest
@@ -57,12 +60,14 @@ class Monitor:
         """Fill `result` with the extremes that the guards compare.
 
         They are: the greatest sum of contacts/m over the two grains of a contact [kg-1] and their ids; the greatest
-        speed over half the least width [s-1] and its id; the id of a grain whose state is not a number, or -1.
+        speed over half the least width [s-1] and its id; the id of a grain whose state is not a number, or -1; the id
+        of a grain beyond the platens `bottom` and `top`, or -1.
         """
         g, p = self.grains, self.pairs
         n = g.count[None]
         stiffest, first, second = ti.cast(0.0, ti.f64), 0, 0
-        fastest, fast, lost = ti.cast(0.0, ti.f64), 0, -1
+        fastest, fast, lost, outside = ti.cast(0.0, ti.f64), 0, -1, -1
+        lowest, highest = ti.cast(-FAR, ti.f64), ti.cast(FAR, ti.f64)
         ti.loop_config(serialize=True)
         for _ in range(1):
             # Contacts of each grain, with walls and with grains.
@@ -97,8 +102,24 @@ class Monitor:
                 half_width = self.search.half_width_of(k)
                 if g.platen_index[k] < 0 and v.norm() > fastest * half_width:
                     fastest, fast = v.norm() / half_width, g.id[k]
+            if ti.static(self.bottom != NO_PLATEN):
+                lowest = self.extreme_height(ti.static(self.bottom), -1.0)
+            if ti.static(self.top != NO_PLATEN):
+                highest = self.extreme_height(ti.static(self.top), 1.0)
+            for k in range(n):
+                if g.platen_index[k] < 0 and not lowest <= g.position[k][1] <= highest:
+                    outside = g.id[k]
             result[0], result[1], result[2] = stiffest, first, second
-            result[3], result[4], result[5] = fastest, fast, lost
+            result[3], result[4], result[5], result[6] = fastest, fast, lost, outside
+
+    @ti.func
+    def extreme_height(self, platen, sign):
+        """Height [m] of the highest (sign 1) or the lowest (-1) centre of the grains glued to a platen."""
+        g, most = self.grains, ti.cast(-FAR, ti.f64)
+        for k in range(g.count[None]):
+            if g.platen_index[k] == platen:
+                most = ti.max(most, sign * g.position[k][1])
+        return sign * most
 
     @ti.func
     def per_mass(self, k):
@@ -123,11 +144,18 @@ class Monitor:
 
     def _check_grains(self):
         sim, guards = self.sim, self.sim.scene.guards
-        result = np.zeros(6)
+        result = np.zeros(7)
         self.reduce(result)
-        stiffest, k, l, fastest, fast, lost = result
+        stiffest, k, l, fastest, fast, lost, outside = result
         if guards.finite and lost >= 0:
             self._stop(f"grain {lost:.0f}: its position, velocity or orientation is not a number", [lost], {})
+        if guards.platen and outside >= 0:
+            self._stop(
+                f"grain {outside:.0f}: its centre went beyond the platens; use stiffer grains, less stress, or platens "
+                "without gaps as wide as a grain",
+                [outside],
+                {},
+            )
         if guards.displacement and fastest * sim.dt > guards.displacement:
             error = sim.search.jump_error(int(fast), sim.dt, guards.displacement)
             self._stop(str(error), error.grains, error.values)
@@ -189,3 +217,21 @@ class Monitor:
 
     def _stop(self, text, grains, values):
         raise SimulationError(f"step {self.sim.step}: {text}", self.sim.step, grains, values)
+
+
+def platens_around(scene: Any) -> tuple[int, int]:
+    """Platens that bound the mobile grains of a layer from below and from above, NO_PLATEN where there is none.
+
+    A layer repeats along every axis but y, so that no grain can go around its platens. A platen bounds it if all mobile
+    grains start on one side of its outermost centre.
+    """
+    around = [repeats for axis, repeats in enumerate(scene.periodic) if axis != 1]
+    if not scene.platens or scene.periodic[1] or not all(around):
+        return NO_PLATEN, NO_PLATEN
+    height, glued = scene.position[:, 1], scene.platen_index
+    mean = [height[glued == p].mean() for p in range(len(scene.platens))]
+    low, high = int(np.argmin(mean)), int(np.argmax(mean))
+    mobile = height[glued < 0]
+    below = low if np.all(mobile >= height[glued == low].min()) else NO_PLATEN
+    above = high if np.all(mobile <= height[glued == high].max()) else NO_PLATEN
+    return below, above

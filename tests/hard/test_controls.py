@@ -16,6 +16,7 @@ GUARDS = {  # and the case that shows what each is for
     "energy": "lost_balance",
     "overlap": "deeper_than_the_limit",
     "wall": "through_a_wall",
+    "platen": "through_a_platen",
     "finite": "not_a_number",
 }
 SOLID_STEPS = 200_000  # at most, of one impact of polyhedra

@@ -179,6 +179,28 @@ def through_a_wall(bench: Bench) -> float:
     return math.inf
 
 
+@hard("Grain that slips through a platen", "distance beyond the platen at the stop, in diameters", 0.5)
+def through_a_platen(bench: Bench) -> float:
+    """A platen whose glued grains leave a gap, or yield, lets a grain out of the layer.
+
+    The layer goes on with one grain less and only its pressure shows it, thousands of steps later.
+    """
+    still: Any = [lsm.Fixed(), lsm.Fixed()]
+    scene = scene_of(
+        [[0.5, 0.0], [0.5, 5.0], [2.5, 1.5]],
+        elastic(),
+        lengths=(4.0, np.inf),
+        periodic=(True, False),
+        platen_index=[0, 1, -1],
+        platens=[lsm.Platen("bottom", still), lsm.Platen("top", still)],
+        velocity=[[0.0, 0.0], [0.0, 0.0], [0.0, -10.0]],
+        dt=2e-4 * CRITICAL,
+    )
+    sim = bench.simulate(scene)
+    stopped = steps_until_stopped(sim, 20_000, "grain 2", "beyond the platens")
+    return float(-sim.positions[2, 1]) if np.isfinite(stopped) else math.inf
+
+
 @hard("Scheme that feeds energy in", "energy over that of the start when the run is stopped", 1.5)
 def lost_balance(bench: Bench) -> float:
     """The scheme as the paper prints it gains energy in every contact.
