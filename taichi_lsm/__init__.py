@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .core.data_files import published_friction as published_friction
     from .core.errors import InputError as InputError
     from .core.errors import SimulationError as SimulationError
+    from .core.runtime import check_arch as check_arch
     from .core.schema import Variable as Variable
     from .effects.coulomb_friction import CoulombFriction as CoulombFriction
     from .effects.gravity import Gravity as Gravity
@@ -115,6 +116,7 @@ _HOME = {
     "InputError": "core.errors",
     "SimulationError": "core.errors",
     "Variable": "core.schema",
+    "check_arch": "core.runtime",
 }
 # The most used names of the namespaces, here as well.
 _SHORTCUTS = {

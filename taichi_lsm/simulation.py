@@ -23,7 +23,7 @@ from .contact.pair_storage import Pairs
 from .contact.part_table import PartTable
 from .contact.surface_kinds import surface_table
 from .core.allocation import allocating, when_allocated, writing_together
-from .core.errors import InputError, SimulationError
+from .core.errors import InputError, SimulationError, step_count
 from .core.runtime import start
 from .io.checkpoint import save_checkpoint
 from .io.contacts_dataset import contacts_dataset
@@ -312,8 +312,8 @@ class Simulation:
         self._keep_seconds, self._kept = seconds, time.monotonic()
 
     def run(self, steps: int) -> None:
-        """Advance by an integer number of steps. Raises SimulationError naming the step, the grains and the cause."""
-        target = self.step + int(steps)
+        """Advance by a whole number of steps. Raises SimulationError naming the step, the grains and the cause."""
+        target = self.step + step_count(steps)
         try:
             while self.step < target:
                 self._launch(target - self.step)

@@ -66,6 +66,26 @@ class Runtime:
 _current: Runtime | None = None
 
 
+def check_arch(arch: str) -> None:
+    """Raise InputError if this machine has no device `arch`, "cpu" or "gpu", on which Taichi can compute."""
+    if arch != "cpu":
+        _gpu()
+
+
+def _gpu() -> Any:
+    """Taichi arch of the GPU of this machine; InputError if there is none.
+
+    Only CUDA and ROCm compute in f64, as positions need it. They are asked for by name: on a machine without a GPU
+    Taichi's own search through all graphics drivers may end the process.
+    """
+    ti.set_logging_level(ti.ERROR)  # that a driver is missing is said below, not by Taichi
+    library: Any = ti.__dict__["_lib"].core
+    for arch, found in ((ti.cuda, library.with_cuda), (ti.amdgpu, library.with_amdgpu)):
+        if found():
+            return arch
+    raise InputError("arch 'gpu': this machine has no GPU with CUDA or ROCm that Taichi can use, must be cpu")
+
+
 def start(arch: str = "cpu", precision: str = "f64", threads: int = 1) -> Runtime:
     """Initialise Taichi once per process; a second call with the same settings does nothing.
 
@@ -88,9 +108,10 @@ def start(arch: str = "cpu", precision: str = "f64", threads: int = 1) -> Runtim
         raise InputError(f"threads {threads}: must be at least 1")
     wanted = Runtime(arch, precision, int(threads))
     if _current is None:
+        device = ti.cpu if arch == "cpu" else _gpu()
         with contextlib.redirect_stdout(io.StringIO()):  # ti.init prints a line that would mix with our output
             ti.init(
-                arch=ti.cpu if arch == "cpu" else ti.gpu,
+                arch=device,
                 default_fp=wanted.real,
                 cpu_max_num_threads=wanted.threads,
                 cfg_optimization=False,

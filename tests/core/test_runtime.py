@@ -40,6 +40,17 @@ def test_unknown_settings_are_refused(settings, message):
         start(**settings)
 
 
+def test_a_machine_without_a_gpu_says_so(monkeypatch):
+    """In place of the search through all drivers, which ends the process where there is none."""
+    monkeypatch.setattr(ti._lib.core, "with_cuda", lambda: False)
+    monkeypatch.setattr(ti._lib.core, "with_amdgpu", lambda: False)
+    with pytest.raises(lsm.InputError, match=r"arch 'gpu': this machine has no GPU .* must be cpu"):
+        lsm.check_arch("gpu")
+    monkeypatch.setattr(ti._lib.core, "with_cuda", lambda: True)
+    lsm.check_arch("gpu")
+    lsm.check_arch("cpu")
+
+
 def test_precision_decides_the_type_of_contact_geometry(runtime):
     assert runtime.real == (ti.f64 if PRECISION == "f64" else ti.f32)
 

@@ -63,6 +63,8 @@ def run(params, out, progress=None):
         raise InputError("grains 600: do not fit")
     if params.act == "diverge":
         raise SimulationError("diverged at step 7")
+    if params.act == "disk":
+        raise OSError(28, "No space left on device")
     if params.act == "crash":
         raise KeyError("a programming error")
     if params.act == "kill":

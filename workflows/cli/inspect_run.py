@@ -3,6 +3,7 @@
 import dataclasses
 import inspect
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
@@ -68,23 +69,40 @@ def print_effects() -> int:
 
 
 def print_info(folder: Path) -> int:
-    """Print status and attributes of a run, its metrics, and its files with their dimensions."""
+    """Print status and attributes of a run, its metrics, its files with their dimensions, and the runs it consists of.
+
+    Only the files of the folder itself are opened, and one of each run in its folder `runs`.
+    """
+    if folder.is_file():
+        raise NoRunError(f"{folder}: is a file, must be the folder of a run, such as {folder.absolute().parent}.")
     if not folder.is_dir():
         siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
         raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")
-    files = sorted(p for p in folder.rglob("*") if p.is_file())
-    if not any(p.suffix == ".nc" or p.name == FILE for p in files):
+    files = sorted(p for p in folder.iterdir() if p.is_file())
+    runs = sorted(p for p in folder.glob("runs/*") if p.is_dir() and _holds_run(p.iterdir()))
+    if not (runs or _holds_run(files)):
         raise NoRunError(f"{folder}: holds no run (no NetCDF file and no {FILE}).")
     for name, value in _attributes(folder).items():
         print(f"{name}: {value}")
     if (folder / FILE).is_file():
         print()
         _print_metrics(folder / FILE)
-    print("\nFiles:")
-    width = max(len(str(p.relative_to(folder))) for p in files)
-    for path in files:
-        print(f"  {path.relative_to(folder)!s:{width}}  {_contents(path)}".rstrip())
+    _print_aligned("Files", [(path.name, _contents(path)) for path in files])
+    _print_aligned("Runs", [(f"runs/{path.name}", _attributes(path).get("run_status", "unknown")) for path in runs])
     return 0
+
+
+def _holds_run(files: Iterable[Path]) -> bool:
+    return any(p.suffix == ".nc" or p.name == FILE for p in files)
+
+
+def _print_aligned(title: str, lines: list[tuple[str, str]]) -> None:
+    """Print names and what they are, in two columns; nothing if there are none."""
+    if lines:
+        print(f"\n{title}:")
+        width = max(len(name) for name, _ in lines)
+        for name, text in lines:
+            print(f"  {name:{width}}  {text}".rstrip())
 
 
 def _print_metrics(path: Path) -> None:

@@ -20,8 +20,10 @@ from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
 from workflows.common.metrics import FILE, failed_claims, read_summary
+from workflows.common.parallel_runs import reason_of
 from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
+from workflows.common.refusals import in_terms_of
 
 COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -246,6 +248,8 @@ def execute(
     check = getattr(module, "check", None)
     try:
         params = merge(module.Params, preset, config, options)
+        if params.arch != "cpu":
+            _check_arch(params.arch)
         if check:
             check(params)
     except InputError as error:
@@ -267,7 +271,7 @@ def execute(
         except (SimulationError, MemoryError, OSError) as error:
             if isinstance(error, BrokenPipeError):  # the output is no longer read: `main` ends quietly
                 raise
-            _complain([_failure_of(error)])
+            _complain([reason_of(error)])
             return FAILED
     # A summary that an earlier run left in the folder says nothing of this one.
     summary = read_summary(folder) if _written_at(folder / FILE) != earlier else None
@@ -281,18 +285,17 @@ def _written_at(path: Path) -> int | None:
     return path.stat().st_mtime_ns if path.exists() else None
 
 
+def _check_arch(arch: str) -> None:
+    """Refuse a device that this machine does not have, before anything is made."""
+    import taichi_lsm as lsm  # here, since its check imports Taichi
+
+    with in_terms_of(f"--arch {arch}", "choose --arch cpu"):
+        lsm.check_arch(arch)
+
+
 def _problems_of(error: InputError) -> list[str]:
     """One line for each mistake of the user."""
     return error.problems if isinstance(error, ParameterError) else [str(error)]
-
-
-def _failure_of(error: Exception) -> str:
-    """The reason why a run could not be completed, as one message."""
-    if isinstance(error, MemoryError):
-        return f"not enough memory for a run of this size: {error or 'the system gave no more'}."
-    if isinstance(error, OSError):
-        return f"a file could not be read or written: {error}."
-    return str(error)
 
 
 def refusals(folder: Path, overwrite: bool) -> list[str]:

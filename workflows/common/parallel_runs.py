@@ -113,6 +113,15 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | N
     return [Path(job[3]) for job in jobs]
 
 
+def reason_of(error: Exception) -> str:
+    """Why a run could not be completed, as one message."""
+    if isinstance(error, MemoryError):
+        return f"not enough memory for a run of this size: {error or 'the system gave no more'}."
+    if isinstance(error, OSError):
+        return f"a file could not be read or written: {error}."
+    return str(error)
+
+
 @contextmanager
 def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """A pool of `count` processes with a fresh one for every call: Taichi is started once per process.
@@ -266,8 +275,8 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
         code = 128 + interrupted.signum
     except InputError as error:
         _send(pipe, "refused", str(error))
-    except SimulationError as error:
-        _send(pipe, "failure", str(error))
+    except (SimulationError, MemoryError, OSError) as error:
+        _send(pipe, "failure", reason_of(error))
     except BaseException:
         _send(pipe, "failure", traceback.format_exc())
     finally:

@@ -1,5 +1,6 @@
 """Exit codes and messages of `lsm`."""
 
+import contextlib
 import io
 import json
 import math
@@ -16,6 +17,7 @@ import pytest
 from rich.console import Console
 
 from taichi_lsm.core.errors import InputError
+from workflows.cli import inspect_run
 from workflows.cli.main import main
 from workflows.cli.progress import ProgressLine, format_line
 from workflows.common.metrics import Metric, write_summary
@@ -111,6 +113,7 @@ def test_all_mistakes_at_once_and_nothing_written(plugins, tmp_path, capsys):
         (["toy-run", "--grains"], "--grains requires an argument"),
         (["info", "nowhere"], "nowhere: there is no such folder"),
         (["info", "plugins"], "plugins: holds no run"),
+        (["info", "plugins/workflows/toy_run.py"], "is a file, must be the folder of a run"),
     ],
 )
 def test_a_mistake_in_the_command_line_is_one_line(plugins, capsys, args, words):
@@ -285,6 +288,38 @@ def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
     assert "run_status: interrupted seed: 11" in text
     assert "drift 0.02 0.025 holds" in text
     assert "run.nc time 4; 0 variables" in text and "grains.nc unreadable" in text
+
+
+def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
+    opened = []
+    monkeypatch.setattr(inspect_run, "_open", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
+    for folder in ("", "runs/a", "runs/b", "runs/a/deeper", "elsewhere"):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        (tmp_path / folder / "run.nc").touch()
+    (tmp_path / "runs/empty").mkdir()
+    assert main(["info", str(tmp_path)]) == 0
+    assert set(map(str, opened)) == {"run.nc", "runs/a/run.nc", "runs/b/run.nc"}
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-3:] == ["Runs:", "  runs/a  failed", "  runs/b  failed"]
+    assert main(["info", str(tmp_path / "runs/empty")]) == 2
+
+
+def closed():
+    """Stands in for a NetCDF file of a failed run."""
+    file = types.SimpleNamespace(ncattrs=lambda: ["run_status"], getncattr=lambda name: "failed")
+    file.dimensions = file.variables = {}
+    return contextlib.nullcontext(file)
+
+
+def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(plugins, tmp_path, capsys, monkeypatch):
+    def none(arch):
+        raise InputError(f"arch {arch!r}: this machine has none")
+
+    monkeypatch.setattr("taichi_lsm.core.runtime.check_arch", none)
+    assert main(["toy-run", "--arch", "gpu", "--out", "new"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("lsm: --arch gpu: refused, as") and "choose --arch cpu" in error
+    assert not (tmp_path / "new").exists()
 
 
 def test_summary_is_strict_json(tmp_path, capsys):

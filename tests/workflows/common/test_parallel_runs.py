@@ -52,9 +52,12 @@ def test_what_all_runs_refuse_is_one_mistake_of_the_user(toy, tmp_path):
 
 
 def test_a_run_that_fails_says_why_without_a_traceback(toy, tmp_path):
+    jobs = [(act, "workflows.toy_run", toy.Params(act=act), tmp_path / act) for act in ("diverge", "disk")]
     with pytest.raises(ReplicaError) as caught:
-        run_replicas([("one", "workflows.toy_run", toy.Params(act="diverge"), tmp_path / "x")])
-    assert caught.value.failures == {"one": "diverged at step 7"}
+        run_replicas(jobs)
+    assert caught.value.failures["diverge"] == "diverged at step 7"
+    disk = caught.value.failures["disk"]
+    assert disk.startswith("a file could not be read or written") and "No space left" in disk and "\n" not in disk
 
 
 def test_labels_must_differ(toy, tmp_path):
