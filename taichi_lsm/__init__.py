@@ -45,12 +45,16 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .effects.viscous_damping import ViscousDamping as ViscousDamping
     from .io.checkpoint import restore_checkpoint as restore_checkpoint
     from .io.checkpoint import save_checkpoint as save_checkpoint
+    from .io.effect_table import read_effects as read_effects
     from .io.layer_recorder import LayerRecorder as LayerRecorder
+    from .io.netcdf_variables import Scalar as Scalar
     from .io.open_run import open_run as open_run
+    from .io.open_run import open_runs as open_runs
     from .io.run_file import file_attributes as file_attributes
     from .io.run_file import write_energies as write_energies
     from .io.run_file import write_table as write_table
     from .measure import statistics as statistics
+    from .measure.contact_stiffness import contact_stiffness as contact_stiffness
     from .measure.energy_budget import Energies as Energies
     from .measure.energy_budget import energies as energies
     from .measure.profiling import runtime_profile as runtime_profile
@@ -107,10 +111,14 @@ _HOME = {
     "runtime_profile_text": "measure.profiling",
     "save_checkpoint": "io.checkpoint",
     "restore_checkpoint": "io.checkpoint",
+    "contact_stiffness": "measure.contact_stiffness",
+    "read_effects": "io.effect_table",
+    "Scalar": "io.netcdf_variables",
     "write_table": "io.run_file",
     "file_attributes": "io.run_file",
     "write_energies": "io.run_file",
     "open_run": "io.open_run",
+    "open_runs": "io.open_run",
     "published_friction": "core.data_files",
     "data_path": "core.data_files",
     "InputError": "core.errors",

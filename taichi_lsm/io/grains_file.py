@@ -12,9 +12,13 @@ from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError
 from ..core.schema import Variable
 from .netcdf_variables import (
+    Scalar,
     checked_array,
+    checked_text,
     netcdf_type,
     put_labels,
+    put_scalars,
+    put_text_in_time,
     put_time,
     put_variable,
     require_known,
@@ -109,6 +113,11 @@ class GrainsWriter:
         {name: attributes}; `kind` has its flags.
     precision
         "f64" or "f32": how rows of dtype "real" are stored.
+    text
+        {name: long_name} of texts along time, such as the stage.
+    scalars
+        What holds for the whole file, such as the parameters. These, the texts and snapshot rows with no dimension but
+        time, such as the shear strain, serve the others as coordinates.
 
     Raises
     ------
@@ -126,8 +135,11 @@ class GrainsWriter:
         coordinates: Mapping[str, Sequence[str]] | None = None,
         extra_attributes: Mapping[str, Mapping[str, Any]] | None = None,
         precision: str = "f64",
+        text: Mapping[str, str] | None = None,
+        scalars: Sequence[Scalar] = (),
     ) -> None:
         self.path = Path(path)
+        self.text, self.scalars = dict(text or {}), tuple(scalars)
         self.precision = precision
         self.run_status = "running"
         self.attributes = {**attributes, "comment": COMMENT}
@@ -151,7 +163,7 @@ class GrainsWriter:
         if "patch_count" in self.static:
             self.extra["patch_count"] = {"sample_dimension": "patch", **self.extra.get("patch_count", {})}
         self._times = []
-        self._snapshots = {name: [] for name in self.variables}
+        self._snapshots = {name: [] for name in (*self.variables, *self.text)}
         self._write()
 
     @staticmethod
@@ -214,15 +226,16 @@ class GrainsWriter:
         """
         if self.run_status != "running":
             raise InputError(f"{self.path.name} is closed ({self.run_status}); no snapshot can be appended")
-        require_names(arrays, self.variables, f"snapshot of {self.path.name}")
+        require_names(arrays, [*self.variables, *self.text], f"snapshot of {self.path.name}")
         if not (np.isfinite(time) and time > self.last_time):
             raise InputError(f"time: {time} s, must be finite and above the last snapshot's {self.last_time} s")
         checked = {
             name: checked_array(v, arrays[name], self._shape(v.dims[1:]), self.precision)
             for name, v in self.variables.items()
         }
+        texts = {name: checked_text(name, arrays[name]) for name in self.text}
         self._times.append(float(time))
-        for name, array in checked.items():
+        for name, array in {**checked, **texts}.items():
             self._snapshots[name].append(array)
         self._write()
 
@@ -244,10 +257,16 @@ class GrainsWriter:
         put_time(dataset, np.array(self._times))
         used = {d for v in (*self.static_variables.values(), *self.variables.values()) for d in v.dims}
         labels = put_labels(dataset, {d: texts for d, texts in self.labels.items() if d in used})
-        for name, variable in self.static_variables.items():
-            put_variable(dataset, variable, self.static[name], self.extra.get(name), labels)
-        for name, variable in self.variables.items():
+        in_time = [name for name, variable in self.variables.items() if variable.dims == ("time",)]
+        labels = (*labels, *put_scalars(dataset, self.scalars), *self.text, *in_time)
+        for name, long_name in self.text.items():
+            put_text_in_time(dataset, name, long_name, np.array(self._snapshots[name], dtype=object))
+        # Coordinates first: a variable can only be attached to what is there.
+        for name in sorted(self.variables, key=lambda name: name not in in_time):
+            variable = self.variables[name]
             array = np.empty((len(self._times), *self._shape(variable.dims[1:])), netcdf_type(variable, self.precision))
             for i, snapshot in enumerate(self._snapshots[name]):
                 array[i] = snapshot
-            put_variable(dataset, variable, array, self.extra.get(name), labels)
+            put_variable(dataset, variable, array, self.extra.get(name), () if name in in_time else labels)
+        for name, variable in self.static_variables.items():
+            put_variable(dataset, variable, self.static[name], self.extra.get(name), labels)

@@ -1,5 +1,7 @@
 """The files of one sheared layer: run.nc (time series) and grains.nc (snapshots), closed with the right status."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -10,11 +12,16 @@ import numpy.typing as npt
 
 from ..core.errors import SimulationError
 from ..measure.sheared_layer import STAGES, Row, ShearedLayer, layer_rows
-from .grains_file import GrainsWriter, snapshot_rows, static_rows
+from .grains_file import STATIC_DIMS, GrainsWriter, snapshot_rows, static_rows
+from .netcdf_variables import Scalar
 from .run_file import RunWriter, file_attributes
 
 if TYPE_CHECKING:
     from ..scene import Scene
+
+
+STAGE = {"stage": f"stage of the run: {', '.join(STAGES)}"}
+(STRAIN,) = (row for row in layer_rows() if row.name == "shear_strain")
 
 
 class LayerRecorder:
@@ -35,16 +42,26 @@ class LayerRecorder:
         The merged parameters as TOML text.
     seed
         Random seed of the packing.
+    scalars
+        What tells the run from others, such as its name and parameters: scalar coordinates of both files.
     """
 
     def __init__(
-        self, out: str | PathLike[str], layer: ShearedLayer, title: str, summary: str, config_toml: str, seed: int
+        self,
+        out: str | PathLike[str],
+        layer: ShearedLayer,
+        title: str,
+        summary: str,
+        config_toml: str,
+        seed: int,
+        scalars: Sequence[Scalar] = (),
     ) -> None:
         sim = layer.sim
         self.layer, self.sim = layer, sim
         runtime = sim.runtime
         attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
-        flags = {"flag_values": np.arange(len(STAGES), dtype=np.int32), "flag_meanings": " ".join(STAGES)}
+        self._stage = STAGES[0]
+        scalars = [*scalars, Scalar("stiffness_number", layer.stiffness_number, "stiffness number of the contacts")]
         out = Path(out)
         sim.keep_checkpoints(out)
         self.run = RunWriter(
@@ -53,20 +70,25 @@ class LayerRecorder:
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),
-            extra_attributes={"stage": flags},
+            text=STAGE,
+            scalars=scalars,
+            effects=sim.scene.effects,
         )
         dim, spec, bonded = sim.scene.dim, sim.spec, sim.spec.bonds > 0
         self.grains = GrainsWriter(
             out / "grains.nc",
             _constants(sim.scene),
             static_rows(dim, bonded),
-            snapshot_rows(dim, rotates=spec.rotates, oriented=spec.oriented, bonded=bonded),
+            [STRAIN, *snapshot_rows(dim, rotates=spec.rotates, oriented=spec.oriented, bonded=bonded)],
             attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
+            text=STAGE,
+            # A variable of the name of a dimension would be its coordinate.
+            scalars=[replace(s, name=f"grain_{s.name}") if s.name in STATIC_DIMS else s for s in scalars],
         )
 
     def row(self, stage: int) -> Row:
         """Append a row to run.nc and return it; `stage` is an index of STAGES."""
-        row = self.layer.row(stage)
+        row, self._stage = self.layer.row(stage), STAGES[stage]
         with self.sim.clock("output"):
             self.run.append(row)
         return row
@@ -79,6 +101,7 @@ class LayerRecorder:
     def _snapshot(self, time: float) -> None:
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
+        arrays |= {"shear_strain": self.layer.strain, "stage": self._stage}
         if self.sim.spec.rotates:
             angular_velocity = state.angular_velocity.to_numpy()
             arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity

@@ -4,6 +4,7 @@ All checks raise `InputError` that names the row: rows and values come from whoe
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,35 @@ if TYPE_CHECKING:
 TIME = Variable("time", ("time",), "f64", "s", "elapsed model time")
 COMPRESS_FROM = 1000  # values; below it a chunk's overhead outweighs what compression saves
 CHUNK_VALUES = 2**17  # at most 1 MiB, so that one snapshot is read without the others
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """One value that holds for a whole file, such as a parameter: a scalar coordinate of its variables.
+
+    Parameters
+    ----------
+    name
+        Identifier.
+    value
+        A number, which is stored as f64, an integer, stored as i32, or a text.
+    long_name
+        What it is.
+    units
+        UDUNITS string of a number, "1" for a pure one.
+    """
+
+    name: str
+    value: float | int | str
+    long_name: str
+    units: str = "1"
+
+    @property
+    def variable(self) -> Variable | None:
+        """Schema row of a number; None of a text."""
+        if isinstance(self.value, str):
+            return None
+        return Variable(self.name, (), "i32" if isinstance(self.value, int) else "f64", self.units, self.long_name)
 
 
 def require_names(given: Iterable[str], declared: Iterable[str], what: str) -> None:
@@ -72,6 +102,13 @@ def checked_array(
     return array.astype(netcdf_type(variable, precision))
 
 
+def checked_text(name: str, value: Any) -> str:
+    """`value`, or an InputError that names the variable if it is no text."""
+    if not isinstance(value, str):
+        raise InputError(f"{name}: {value!r}, must be a text")
+    return value
+
+
 def flag_attributes(variable: Variable, extra: Mapping[str, Any]) -> dict[str, Any]:
     """Attributes with flag_values in the variable's own type and flag_meanings as one string, as CF asks."""
     extra = dict(extra)
@@ -114,9 +151,7 @@ def put_variable(
     stored = dataset.createVariable(variable.name, array.dtype, variable.dims, fill_value=False, **options)
     stored.setncatts({"units": variable.units, "long_name": variable.long_name})
     stored.setncatts(flag_attributes(variable, extra or {}))
-    attached = [name for name in coordinates if set(dataset[name].dimensions) <= set(variable.dims)]
-    if attached:
-        stored.coordinates = " ".join(attached)
+    _attach(stored, dataset, coordinates)
     stored[...] = array
 
 
@@ -129,12 +164,58 @@ def put_time(dataset: "netCDF4.Dataset", times: npt.NDArray) -> None:
     put_variable(dataset, TIME, times)
 
 
+def put_scalars(dataset: "netCDF4.Dataset", scalars: Iterable[Scalar]) -> tuple[str, ...]:
+    """Create a variable without dimensions per scalar; returns the names, for the coordinates of other variables."""
+    names = []
+    for scalar in scalars:
+        if scalar.variable is None:
+            put_text(dataset, scalar.name, scalar.long_name, (), np.array(scalar.value, dtype=object))
+        else:
+            put_variable(dataset, scalar.variable, checked_array(scalar.variable, scalar.value, ()))
+        names.append(scalar.name)
+    return tuple(names)
+
+
+def put_text(
+    dataset: "netCDF4.Dataset",
+    name: str,
+    long_name: str,
+    dims: tuple[str, ...],
+    texts: npt.NDArray,
+    coordinates: Iterable[str] = (),
+) -> None:
+    """Create a variable of texts (object array) with these dimensions; coordinates as in `put_variable`."""
+    stored = dataset.createVariable(name, str, dims)
+    stored.long_name = long_name
+    _attach(stored, dataset, coordinates)
+    stored[...] = texts
+
+
+def put_text_in_time(dataset: "netCDF4.Dataset", name: str, long_name: str, texts: npt.NDArray) -> None:
+    """Create a variable of one text per time, as rows of characters, which are compressed; readers see texts."""
+    longest = max((len(text.encode()) for text in texts), default=1)
+    dims = ("time", f"{name}_length")
+    dataset.createDimension(dims[1], longest)
+    characters = np.array([text.encode() for text in texts], f"S{longest}").view("S1").reshape(-1, longest)
+    chunks = (max(1, len(texts)), longest)
+    stored = dataset.createVariable(name, "S1", dims, zlib=True, complevel=1, fill_value=False, chunksizes=chunks)
+    stored.setncatts({"long_name": long_name, "_Encoding": "utf-8"})
+    stored.set_auto_chartostring(False)
+    stored[...] = characters
+
+
+def _attach(stored: Any, dataset: "netCDF4.Dataset", coordinates: Iterable[str]) -> None:
+    own = set(stored.dimensions)
+    attached = [name for name in coordinates if {d for d in dataset[name].dimensions if d != f"{name}_length"} <= own]
+    if attached:
+        stored.coordinates = " ".join(attached)
+
+
 def put_labels(dataset: "netCDF4.Dataset", labels: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     """Create a dimension and its text variable `<dimension>_name` per list of labels; returns the names."""
     for dimension, texts in labels.items():
         if dimension not in dataset.dimensions:
             dataset.createDimension(dimension, len(texts))
-        stored = dataset.createVariable(f"{dimension}_name", str, (dimension,))
-        stored.long_name = f"name along dimension {dimension}"
-        stored[:] = np.array(texts, dtype=object)
+        names = np.array(texts, dtype=object)
+        put_text(dataset, f"{dimension}_name", f"name along dimension {dimension}", (dimension,), names)
     return tuple(f"{dimension}_name" for dimension in labels)

@@ -1,4 +1,4 @@
-"""Opens the files of a run."""
+"""Opens the files of a run, or those of many runs together."""
 
 from os import PathLike
 from pathlib import Path
@@ -23,7 +23,8 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     Returns
     -------
     xarray.Dataset
-        All variables, with units and long_name; `run_status` among the attributes tells how the run ended.
+        All variables, with units and long_name; `run_status` among the attributes tells how the run ended. Rows can be
+        chosen by their stage: `dataset.sel(stage="shear")`.
 
     Raises
     ------
@@ -41,4 +42,48 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
         raise InputError(f"{path}: cannot be read ({error}), {EXPECTED}; it may be truncated or damaged") from None
     if "run_status" not in dataset.attrs:
         raise InputError(f"{path}: has no attribute run_status, {EXPECTED}")
+    if "stage" in dataset.coords and dataset.stage.dims == ("time",):
+        dataset = dataset.set_xindex("stage")
     return dataset
+
+
+def open_runs(folder: str | PathLike[str]) -> "Dataset":
+    """The files run.nc of all runs of an experiment, `folder`/runs/*/run.nc, as one xarray.Dataset in memory.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions run, labelled with the names of the runs, and row, counted from 0 in each run, since runs have their
+        own times; shorter runs are filled up with nan. Parameters that differ are coordinates along run, and
+        `parameter_value` (run, effect_parameter) holds those of the effects, nan where a run has no such effect.
+
+    Raises
+    ------
+    InputError
+        If there is no such run, or a file cannot be read.
+    """
+    import xarray
+
+    paths = sorted(Path(folder).glob("runs/*/run.nc"))
+    if not paths:
+        raise InputError(f"{folder}: holds no runs/*/run.nc, must be the folder of an experiment of many runs")
+    return xarray.concat(
+        [_in_rows(open_run(path)) for path in paths],
+        dim="run",
+        data_vars="all",
+        coords="different",
+        compat="equals",
+        join="outer",
+        combine_attrs="drop_conflicts",
+    )
+
+
+def _in_rows(run: "Dataset") -> "Dataset":
+    """A run whose rows, effects and parameters of effects are labelled alike in all runs."""
+    rows = run.drop_indexes(["time", "stage"]).reset_coords("time").rename_dims(time="row")
+    labels = {"row": range(rows.sizes["row"]), "effect": rows.effect_name.values}
+    if "parameter_value" in rows:
+        names = [f"{e}.{n}" for e, n in zip(rows.parameter_effect.values, rows.parameter_name.values, strict=True)]
+        labels["effect_parameter"] = names
+    texts = [name for name in rows.coords if rows[name].dims in (("effect",), ("effect_parameter",))]
+    return rows.drop_vars(texts).assign_coords(labels)

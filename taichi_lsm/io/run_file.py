@@ -21,10 +21,16 @@ import numpy.typing as npt
 from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError
 from ..core.schema import Variable
+from .effect_table import put_effects
 from .netcdf_variables import (
+    Scalar,
     checked_array,
+    checked_text,
     netcdf_type,
     put_labels,
+    put_scalars,
+    put_text,
+    put_text_in_time,
     put_time,
     put_variable,
     require_known,
@@ -34,6 +40,8 @@ from .netcdf_variables import (
 
 if TYPE_CHECKING:
     import netCDF4
+
+    from ..effects.base import Effect
 
 RUN_STATUS = ("running", "complete", "failed", "interrupted")
 REFERENCES = (
@@ -181,11 +189,8 @@ def write_table(
             if name in rows:
                 put_variable(dataset, rows[name], arrays[name], extra_attributes.get(name), attached)
                 continue
-            stored = dataset.createVariable(name, str, ("run",))
-            stored.setncatts({"long_name": text[name], **extra_attributes.get(name, {})})
-            if attached:
-                stored.coordinates = " ".join(attached)
-            stored[:] = np.array(columns[name], dtype=object)
+            put_text(dataset, name, text[name], ("run",), np.array(columns[name], dtype=object), attached)
+            dataset[name].setncatts(extra_attributes.get(name, {}))
 
     write_atomically(path, fill)
 
@@ -227,6 +232,12 @@ class RunWriter:
         Names of variables along time that serve the others as coordinates, such as the shear strain.
     extra_attributes
         {name: attributes}, such as {"stage": {"flag_values": [0, 1], "flag_meanings": ["settle", "shear"]}}.
+    text
+        {name: long_name} of texts along time, which serve as coordinates too, such as the stage.
+    scalars
+        What holds for the whole file, such as the parameters: scalar coordinates.
+    effects
+        The effects of the scene, whose parameters are written as a table (`effect_table.put_effects`).
 
     Raises
     ------
@@ -247,9 +258,13 @@ class RunWriter:
         flush_seconds: float = 30.0,
         auxiliary: Iterable[str] = (),
         extra_attributes: Mapping[str, Mapping[str, Any]] | None = None,
+        text: Mapping[str, str] | None = None,
+        scalars: Sequence[Scalar] = (),
+        effects: Sequence["Effect"] = (),
     ) -> None:
         self.path = Path(path)
         self.attributes = dict(attributes)
+        self.text, self.scalars, self.effects = dict(text or {}), tuple(scalars), tuple(effects)
         self.labels = {name: list(texts) for name, texts in (coordinates or {}).items()}
         self.flush_seconds = flush_seconds
         self.extra = dict(extra_attributes or {})
@@ -258,8 +273,8 @@ class RunWriter:
         self.run_status = "running"
         self._check_declaration()
         self._shapes = {name: tuple(len(self.labels[d]) for d in v.dims[1:]) for name, v in self.variables.items()}
-        self._rows = {name: [] for name in ("time", *self.variables)}
-        self._stored: dict[str, npt.NDArray] = {"time": np.empty(0)}
+        self._rows = {name: [] for name in ("time", *self.variables, *self.text)}
+        self._stored: dict[str, npt.NDArray] = {"time": np.empty(0), **{n: np.empty(0, object) for n in self.text}}
         for name, variable in self.variables.items():
             self._stored[name] = np.empty((0, *self._shapes[name]), netcdf_type(variable))
         self._last_time = -np.inf
@@ -286,13 +301,14 @@ class RunWriter:
         """
         if self.run_status != "running":
             raise InputError(f"{self.path.name} is closed ({self.run_status}); no row can be appended")
-        require_names(row, ["time", *self.variables], f"row of {self.path.name}")
+        require_names(row, ["time", *self.variables, *self.text], f"row of {self.path.name}")
         now = float(row["time"])
         if not (np.isfinite(now) and now > self._last_time):
             raise InputError(f"time: {now} s, must be finite and above the last row's {self._last_time} s")
         checked = {n: checked_array(v, row[n], self._shapes[n]) for n, v in self.variables.items()}
+        texts = {name: checked_text(name, row[name]) for name in self.text}
         self._last_time = now
-        for name, value in {"time": np.float64(now), **checked}.items():
+        for name, value in {"time": np.float64(now), **checked, **texts}.items():
             self._rows[name].append(value)
         if time.monotonic() - self._flushed >= self.flush_seconds:
             self.flush()
@@ -315,7 +331,11 @@ class RunWriter:
     def _fill(self, dataset: "netCDF4.Dataset") -> None:
         set_global_attributes(dataset, self.attributes, self.run_status)
         put_time(dataset, self._stored["time"])
-        attached = (*self.auxiliary, *put_labels(dataset, self.labels))
+        scalars = put_scalars(dataset, self.scalars)
+        put_effects(dataset, self.effects)
+        for name, long_name in self.text.items():
+            put_text_in_time(dataset, name, long_name, self._stored[name])
+        attached = (*self.auxiliary, *self.text, *put_labels(dataset, self.labels), *scalars)
         # Auxiliary variables first: a variable can only be attached to what is there.
         for name in (*self.auxiliary, *(n for n in self.variables if n not in self.auxiliary)):
             extra, coordinates = self.extra.get(name), () if name in self.auxiliary else attached

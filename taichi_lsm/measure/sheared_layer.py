@@ -10,6 +10,7 @@ import numpy.typing as npt
 from ..bonds.fragments import fragments
 from ..core.errors import InputError, SimulationError
 from ..core.schema import Variable
+from .contact_stiffness import contact_stiffness
 from .energy_budget import energies
 
 if TYPE_CHECKING:
@@ -83,7 +84,6 @@ def layer_rows(bonded: bool = False) -> list[Variable]:
         series("sliding_fraction", "1", "share of the contacts that slide"),
         series("deepest_overlap", "1", "greatest overlap over its limit"),
         series("inertial_number", "1", "shear rate times diameter times sqrt(density over stress), as measured"),
-        series("stage", "1", "stage of the run", dtype="i32"),
     ] + [
         series("bond_count", "1", "bonds that have not broken", dtype="i32"),
         series(
@@ -197,6 +197,16 @@ class ShearedLayer:
         """Absolute energy residual since shear began over the work throughput since then [1]; nan before any work."""
         return abs(self.residual - self.residual_mark) / self.throughput if self.throughput > 0 else float("nan")
 
+    @property
+    def stiffness_number(self) -> float:
+        """Stiffness number of the contacts under the target stress [1], of the effects that repel.
+
+        k/(P b) in 2D and k/(P d) in 3D of springs k, (E/P)^(2/3) of Hertz's contacts; nan without either.
+        """
+        scene = self.sim.scene
+        width = scene.thickness if scene.dim == 2 else self.diameter
+        return contact_stiffness(scene.effects, self.target, width) / (self.target * width)
+
     def row(self, stage: int) -> Row:
         """The row of run.nc for the time since the last one; `stage` is an index of STAGES.
 
@@ -249,7 +259,7 @@ class ShearedLayer:
             "sliding_fraction": mean("sliding_count") / contacts if contacts else 0.0,
             "deepest_overlap": max(s["deepest"] for s in samples),
             "inertial_number": abs(rate) * self.diameter * np.sqrt(sim.scene.density / self.target),
-            "stage": stage,
+            "stage": STAGES[stage],
         }
         if sim.bonds:
             row["bond_count"] = int(last["bond_count"])

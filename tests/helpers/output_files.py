@@ -2,8 +2,10 @@
 
 import numpy as np
 
+import taichi_lsm as lsm
 from taichi_lsm.core.schema import Variable
 from taichi_lsm.io.grains_file import GrainsWriter, snapshot_rows, static_rows
+from taichi_lsm.io.netcdf_variables import Scalar
 from taichi_lsm.io.run_file import RunWriter, file_attributes, write_table
 
 RUN = [
@@ -12,10 +14,27 @@ RUN = [
     Variable("dissipated_energy", ("time", "effect"), "f64", "J", "energy dissipated so far"),
     Variable("plate_velocity", ("time", "platen"), "real", "m s-1", "velocity of the platen along x"),
     Variable("contact_count", ("time",), "i32", "1", "number of contacts"),
-    Variable("stage", ("time",), "i32", "1", "stage of the experiment"),
+    Variable("piece", ("time",), "i32", "1", "piece of the sample"),
 ]
 LABELS = {"effect": ["linear_elastic", "coulomb_friction"], "platen": ["lower", "upper"]}
-STAGE = {"stage": {"flag_values": [0, 1], "flag_meanings": ["settle", "shear"]}}
+PIECE = {"piece": {"flag_values": [0, 1], "flag_meanings": ["left", "right"]}}
+STAGE = {"stage": "stage of the run"}
+STAGES = ("settle", "shear")
+SCALARS = [
+    Scalar("run", "angular-7", "name of the run"),
+    Scalar("seed", 7, "random seed"),
+    Scalar("density", 2500.0, "density of the grains", "kg m-3"),
+]
+
+
+def effects():
+    """Effects whose table has numbers, texts, vectors and a parameter that is not set."""
+    rates = (0.1, 0.01, 0.02, 1e-6, 1e-3, 1e5)
+    return [
+        lsm.LinearElastic(1e5),
+        lsm.effects.RateAndStateFriction(*rates, evolution="slip"),
+        lsm.Gravity((0.0, -9.81)),
+    ]
 
 
 def attributes():
@@ -23,7 +42,8 @@ def attributes():
 
 
 def run_writer(path, **options):
-    return RunWriter(path, RUN, attributes(), LABELS, auxiliary=("shear_strain",), extra_attributes=STAGE, **options)
+    options = {"auxiliary": ("shear_strain",), "extra_attributes": PIECE, "text": STAGE, "scalars": SCALARS} | options
+    return RunWriter(path, RUN, attributes(), LABELS, **options)
 
 
 def run_row(i):
@@ -35,7 +55,8 @@ def run_row(i):
         "dissipated_energy": [i, 2 * i],
         "plate_velocity": np.array([-i, i]),
         "contact_count": 10 * i,
-        "stage": i % 2,
+        "piece": i % 2,
+        "stage": STAGES[i % 2],
     }
 
 
@@ -61,12 +82,14 @@ def grains(dim, count=5):
         "velocity": rng.random((count, dim)),
         "angular_velocity": rng.random(angular_velocity),
         "orientation": rng.random((count, 4)),
+        "shear_strain": 0.5,
     }
     return static, snapshot
 
 
 def grains_writer(path, static, dim):
-    return GrainsWriter(path, static, static_rows(dim), snapshot_rows(dim), attributes())
+    rows = [RUN[0], *snapshot_rows(dim)]
+    return GrainsWriter(path, static, static_rows(dim), rows, attributes(), text=STAGE, scalars=SCALARS)
 
 
 def table(path, **changes):
@@ -86,14 +109,14 @@ def table(path, **changes):
 
 def write_every_kind(folder):
     """One file of every kind, with rows; returns the paths."""
-    writer = run_writer(folder / "run.nc")
+    writer = run_writer(folder / "run.nc", effects=effects())
     for i in range(3):
         writer.append(run_row(i))
     writer.close("complete")
     for dim in (2, 3):
         static, snapshot = grains(dim)
         writer = grains_writer(folder / f"grains{dim}.nc", static, dim)
-        writer.append(0.0, snapshot)
+        writer.append(0.0, snapshot | {"stage": "settle"})
         writer.close("complete")
     table(folder / "compare.nc")
     return sorted(folder.glob("*.nc"))

@@ -85,9 +85,12 @@ def test_wrong_constants_are_refused(tmp_path, change, message):
 
 def test_wrong_snapshot_is_refused(tmp_path):
     static, snapshot = grains(3)
+    snapshot["stage"] = "settle"
     writer = grains_writer(tmp_path / "g.nc", static, 3)
     with pytest.raises(lsm.InputError, match="missing velocity"):
         writer.append(0.0, {k: v for k, v in snapshot.items() if k != "velocity"})
+    with pytest.raises(lsm.InputError, match="stage: 2, must be a text"):
+        writer.append(0.0, {**snapshot, "stage": 2})
     with pytest.raises(lsm.InputError, match="position: shape"):
         writer.append(0.0, {**snapshot, "position": np.ones((5, 2))})
 

@@ -15,13 +15,18 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import taichi_lsm as lsm
 from taichi_lsm.core.atomic_netcdf import write_atomically
 from taichi_lsm.core.schema import Variable
+from taichi_lsm.io.effect_table import effect_parameters, read_effects
 from taichi_lsm.io.grains_file import GrainsWriter, static_rows
+from taichi_lsm.io.netcdf_variables import Scalar
+from taichi_lsm.io.open_run import open_run, open_runs
 from taichi_lsm.io.run_file import git_commit, write_table
 from tests.helpers.output_files import (
     LABELS,
     attributes,
+    effects,
     grains,
     grains_writer,
     run_row,
@@ -49,7 +54,8 @@ def test_run_round_trip(tmp_path):
         np.testing.assert_array_equal(ds.friction.shear_strain, 0.01 * i)
         assert list(ds.dissipated_energy.effect_name.values) == LABELS["effect"]
         assert "effect_name" not in ds.friction.coords
-        assert ds.stage.flag_meanings == "settle shear" and ds.stage.flag_values.dtype == np.int32
+        assert ds.piece.flag_meanings == "left right" and ds.piece.flag_values.dtype == np.int32
+        assert list(ds.friction.stage.values[:2]) == ["settle", "shear"] and "stage" in ds.coords
         assert ds.attrs["run_status"] == "complete" and ds.attrs["config_toml"] == 'title = "Grüße"\n'
         assert (ds.attrs["seed"], ds.attrs["dt"]) == (7, 1e-8)
     assert (tmp_path / "run.nc").stat().st_size < count * 9 * 8 / 2
@@ -60,7 +66,7 @@ def test_grains_round_trip(tmp_path, dim):
     static, snapshot = grains(dim)
     writer = grains_writer(tmp_path / "grains.nc", static, dim)
     for i in range(3):
-        writer.append(0.1 * i, {name: array + i for name, array in snapshot.items()})
+        writer.append(0.1 * i, {name: array + i for name, array in snapshot.items()} | {"stage": "settle"})
         with xr.open_dataset(tmp_path / "grains.nc") as ds:
             assert ds.sizes["time"] == i + 1 and ds.attrs["run_status"] == "running"
     writer.close("interrupted")
@@ -74,6 +80,8 @@ def test_grains_round_trip(tmp_path, dim):
         assert "".join(ds.orientation.quaternion_name.values) == "wxyz"
         assert ds.patch_count.sample_dimension == "patch"
         assert ds.kind.flag_meanings == "mobile glued"
+        assert list(ds.position.shear_strain.values) == [0.5, 1.5, 2.5] and list(ds.stage.values) == ["settle"] * 3
+        assert ds.position.density == 2500.0
 
 
 def test_rows_of_the_state_serve_as_they_are(tmp_path):
@@ -94,6 +102,50 @@ def test_table_round_trip(tmp_path):
         assert ds.friction_mean.coords["seed"].values.tolist() == [1, 2]
         assert set(ds.coords) == {"seed", "shape"} and set(ds.data_vars) == {"friction_mean", "status"}
         assert ds.friction_mean.values.tolist() == [0.3, 0.45] and ds.status.values.tolist() == ["a", "b"]
+
+
+def test_rows_are_chosen_by_the_name_of_their_stage(tmp_path):
+    writer = run_writer(tmp_path / "run.nc")
+    for i in range(4):
+        writer.append(run_row(i))
+    writer.close("complete")
+    ds = open_run(tmp_path / "run.nc")
+    assert ds.sel(stage="shear").time.values.tolist() == [0.5, 1.5]
+    assert ds.friction.groupby("stage").mean().values.tolist() == [1.25, 2.25]
+    assert ds.friction.run == "angular-7" and ds.density == 2500.0 and "density" in ds.coords
+    assert set(ds.friction.coords) == {"time", "stage", "shear_strain", "run", "seed", "density"}
+
+
+def test_many_runs_open_as_one_with_what_tells_them_apart(tmp_path):
+    """Of different times, lengths and effects."""
+    for i, name in enumerate(("a", "b", "c")):
+        (tmp_path / "runs" / name).mkdir(parents=True)
+        scalars = [Scalar("run", name, "name of the run"), Scalar("seed", i, "random seed")]
+        some = effects()[: 3 - i]
+        writer = run_writer(tmp_path / "runs" / name / "run.nc", scalars=scalars, effects=some)
+        for row in range(4 + i):
+            writer.append(run_row(row) | {"time": 0.5 * row + 0.1 * i, "friction": row + 10.0 * i})
+        writer.close("complete")
+    runs = open_runs(tmp_path)
+    assert list(runs.run.values) == ["a", "b", "c"] and runs.seed.values.tolist() == [0, 1, 2]
+    assert runs.sizes["row"] == 6 and runs.time.sel(run="b").values[1] == 0.6
+    assert runs.friction.sel(run="a").values[:4].tolist() == [0, 1, 2, 3] and np.isnan(runs.friction.values[0, 4])
+    assert runs.friction.where(runs.stage == "shear").max("row").values.tolist() == [3, 13, 25]
+    gravity = runs.parameter_value.sel(effect_parameter="gravity.acceleration_1")
+    assert gravity.values[0] == -9.81 and np.isnan(gravity.values[1:]).all()
+    with pytest.raises(lsm.InputError, match="holds no runs"):
+        open_runs(tmp_path / "runs")
+
+
+def test_the_effects_that_acted_are_a_table(tmp_path):
+    run_writer(tmp_path / "run.nc", effects=effects()).close("complete")
+    rows = {(row.effect, row.name): row for row in read_effects(open_run(tmp_path / "run.nc"))}
+    assert rows["linear_elastic", "stiffness"][1:] == ("elasticity", "stiffness", "N m-1", "100000", 1e5)
+    assert rows["rate_and_state_friction", "reference_coefficient"].value == 0.1
+    evolution = rows["rate_and_state_friction", "evolution"]
+    assert evolution[3:5] == ("", "slip") and np.isnan(evolution.value)
+    assert rows["gravity", "acceleration_1"][3:] == ("m s-2", "-9.81", -9.81)
+    assert effect_parameters([lsm.CoulombFriction(0.5, 1e5)])[-1].name == "tangential_stiffness"  # the last is None
 
 
 def test_every_variable_is_described(tmp_path):
@@ -120,7 +172,7 @@ def test_every_variable_is_described(tmp_path):
             assert needed <= set(ds.ncattrs())
             for name, variable in ds.variables.items():
                 assert variable.long_name, name
-                assert variable.dtype is str or variable.units, name
+                assert variable.dtype in (str, np.dtype("S1")) or variable.units, name
                 assert "_FillValue" not in variable.ncattrs(), name
 
 

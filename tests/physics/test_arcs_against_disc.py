@@ -17,7 +17,7 @@ def test_friction_of_discs_cut_into_arcs(tmp_path):
         scene = shear_gouge.build(params)
         scene.shapes = [lsm.disc() if arcs == 1 else lsm.shapes.regular_disc_of_arcs(arcs)]
         run = shear_gouge.simulate(scene, params, tmp_path / str(arcs))
-        sheared = run.isel(time=run.stage.values == 2)
+        sheared = run.isel(time=run.stage.values == "shear")
         means[arcs] = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     for arcs in (8, 30):
         apart = lsm.statistics.difference(means[arcs], means[1])

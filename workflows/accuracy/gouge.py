@@ -71,10 +71,10 @@ def run_missing(jobs: Sequence[Job], at_a_time: int) -> list[Path]:
 def measured(folder: Path, of_run: shear_gouge.Params) -> dict[str, float]:
     """{quantity: value of a run}, with its standard error of friction and its cost: seconds for a unit of strain."""
     dataset = lsm.open_run(folder / "run.nc")
-    sheared = dataset.isel(time=dataset.stage.values == 2)
+    sheared = dataset.isel(time=dataset.stage.values == "shear")
     steady = sheared.isel(time=sheared.shear_strain.values >= of_run.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, of_run.steady_from)
-    begin = float(dataset.layer_thickness.values[dataset.stage.values < 2][-1])
+    begin = float(dataset.layer_thickness.values[dataset.stage.values != "shear"][-1])
     first, last = sheared.isel(time=0), sheared.isel(time=-1)
     steps = float(last.time - first.time) / dataset.dt / float(last.shear_strain - first.shear_strain)
     return {
@@ -150,7 +150,7 @@ def seeds_of(params: Params) -> range:
 def frictions(folder: Path, steady_from: float) -> tuple[NDArray, NDArray]:
     """(strain, friction) of the rows of steady shear of a run."""
     dataset = lsm.open_run(Path(folder) / "run.nc")
-    sheared = dataset.isel(time=dataset.stage.values == 2)
+    sheared = dataset.isel(time=dataset.stage.values == "shear")
     chosen = sheared.shear_strain.values >= steady_from
     return sheared.shear_strain.values[chosen], sheared.friction.values[chosen]
 

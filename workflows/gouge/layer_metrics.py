@@ -41,7 +41,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     params
         Of that run.
     """
-    sheared = dataset.isel(time=dataset.stage.values == 2)
+    sheared = dataset.isel(time=dataset.stage.values == "shear")
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     platen = lsm.statistics.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)

@@ -122,7 +122,7 @@ def _params(dataset):
 
 
 def _sheared(dataset):
-    return dataset.isel(time=dataset.stage.values == 2)
+    return dataset.isel(time=dataset.stage.values == "shear")
 
 
 def _complete(table, shape):

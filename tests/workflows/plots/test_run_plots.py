@@ -86,7 +86,7 @@ def test_the_picture_of_a_run_is_written(sheared):
 def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
     folder, params, dataset = sheared("angular")
     run_plots.plot_run(folder)
-    rows = dataset.isel(time=dataset.stage.values == 2)
+    rows = dataset.isel(time=dataset.stage.values == "shear")
     strain = rows.shear_strain.values
     friction, layer, thickness, energy = panels(pictures[0], "abcd")
 
