@@ -26,6 +26,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
+from workflows.common.refusals import check_idle
 from workflows.common.run_table import attributes_of
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.tenfold import plot_summary
@@ -48,6 +49,11 @@ Report = Callable[[str, str], None]  # takes label and state
 
 class Params(BaseParams):
     """Extent of the measurements."""
+
+    # No options: times are compared on one thread of the CPU, and both precisions are measured.
+    arch: ClassVar[str] = "cpu"  # pyright: ignore[reportIncompatibleVariableOverride]  as said above
+    threads: ClassVar[int] = 1  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
+    precision: ClassVar[str] = "f64"  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
 
     phases: int = Field(
         default=64,
@@ -133,6 +139,12 @@ class Params(BaseParams):
         "reference": {"seeds": 16, "long_strain": 65.0, "long_runs": 16, "replicas": 16},
     }
 
+    def idle(self) -> dict[str, str]:
+        """Fields that have no effect: of long runs that are not made."""
+        if not self.long_shapes:
+            return dict.fromkeys(("long_strain", "long_runs"), "without --long-shapes")
+        return {} if self.long_strain else {"long_runs": "with --long-strain 0"}
+
     @model_validator(mode="after")
     def _measurable(self) -> Self:
         problems = []
@@ -157,6 +169,7 @@ def check(params: Params) -> None:
     InputError
         With the option, its value, what is allowed and what to do.
     """
+    check_idle(params)
     last = params.seed + max(params.seeds, params.long_runs, params.replicas) - 1
     for shape in dict.fromkeys(params.shapes + params.long_shapes):
         for seed in (params.seed, last):
@@ -173,7 +186,7 @@ def numerical(params: Params, report: Report) -> list[Trial]:
     report("rack", "ten discs")
     of_gas = in_fresh_process(gas.measure_gas, params, "first") + in_fresh_process(gas.measure_gas, params, "second")
     report("gas", f"{params.gas_grains} grains of arcs")
-    of_f32 = in_fresh_process(gas.measure_gas, params.model_copy(update={"precision": "f32"}), "single")
+    of_f32 = in_fresh_process(gas.measure_gas, params, "single", "f32")
     usual = of_gas[0].cost / of_gas[0].relative
     of_gas += [replace(t, relative=t.cost / usual) for t in of_f32]
     report("gas", "f32")

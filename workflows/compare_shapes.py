@@ -18,8 +18,9 @@ from workflows import shear_gouge
 from workflows.cli import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
+from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.parameters import to_toml
-from workflows.common.refusals import checked
+from workflows.common.refusals import check_idle, derived
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots import run_plots
@@ -76,6 +77,7 @@ class Params(shear_gouge.Params):
     breakable: ClassVar[bool] = False  # pyright: ignore[reportIncompatibleVariableOverride]  spheres do not break
     pieces: ClassVar[int] = 7  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
     bond_strength: ClassVar[float] = 20.0  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
+    profile: ClassVar[bool] = False  # pyright: ignore[reportIncompatibleVariableOverride]  what runs print is not shown
 
     replicas: int = Field(
         default=3, ge=1, le=1000, description="runs per shape, with the seeds seed, seed + 1, ... [1]"
@@ -121,6 +123,7 @@ def check(params: Params) -> None:
     InputError
         With the option, its value, what is allowed and what to do.
     """
+    check_idle(params)
     for of_run in build(params).values():
         if of_run.seed == params.seed:  # no check depends on the seed
             shear_gouge.check(of_run)
@@ -128,10 +131,9 @@ def check(params: Params) -> None:
 
 def build(params: Params) -> dict[str, shear_gouge.Params]:
     """Label -> parameters of every run, spheres first; the label is also the name of the run's folder."""
-    shared = params.model_dump(include=set(shear_gouge.Params.model_fields))
     seeds = range(params.seed, params.seed + params.replicas)
     return {
-        f"{shape}-{seed}": checked(shear_gouge.Params, **shared | {"shape": shape, "seed": seed})
+        f"{shape}-{seed}": derived(shear_gouge.Params, params, shape=shape, seed=seed)
         for shape in SHAPES
         for seed in seeds
     }
@@ -172,7 +174,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
 
 def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_status: str) -> xarray.Dataset:
     """Write compare.nc from the files of the runs, and return it; missing values are NaN."""
-    rows, steps = [], []
+    rows, steps, shared = [], [], []
     for label, of_run in runs.items():
         path = out / "runs" / label / "run.nc"
         dataset = lsm.open_run(path) if path.exists() else None
@@ -182,22 +184,25 @@ def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_
         row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
         metrics = shear_gouge.analyse(dataset, of_run) if dataset is not None and status == "complete" else {}
         row |= {v.name: number(metrics[v.name]) if metrics else np.nan for v in COLUMNS}
+        shared = parameter_coordinates(of_run, without=("shape", "seed", "stiffness_number"))  # the last is measured
+        row |= {scalar.name: scalar.value for scalar in shared}
         rows.append(row)
         steps += [dataset.dt] if dataset is not None else []
     title = "Friction of gouge of round and of angular grains"
     text = (
         f"One row per run of shear-gouge, {params.replicas} seeds for each shape, otherwise under the same conditions."
     )
+    numbers, texts = columns_of(shared)
     return write_runs(
         out / "compare.nc",
         rows,
-        [SEED, *COLUMNS],
+        [SEED, *COLUMNS, *numbers],
         params,
         min(steps, default=np.nan),
         title,
         text,
-        parameters=("shape", "seed"),
-        text=TEXTS,
+        parameters=("shape", "seed", *(scalar.name for scalar in shared)),
+        text=TEXTS | texts,
         run_status=run_status,
     )
 

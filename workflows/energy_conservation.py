@@ -22,7 +22,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
-from workflows.common.refusals import in_terms_of
+from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.energy_figure import plot_energy
@@ -105,6 +105,12 @@ class Params(BaseParams):
         "reference": {"seeds": 8, "long_steps": 500_000, "order_seeds": 16},
     }
 
+    def idle(self) -> dict[str, str]:
+        """Fields of grains and runs that only the other dimension has."""
+        if self.dim == 2:
+            return {"chamfers": "with --dim 2"}
+        return dict.fromkeys(("arcs_per_corner", "missed_seam", "order_seeds", "order_grains"), "with --dim 3")
+
     @model_validator(mode="after")
     def _seeds_fit_their_column(self) -> Self:
         last = self.seed + 100 + max(self.seeds, self.order_seeds)  # velocities have seeds 100 higher
@@ -114,7 +120,7 @@ class Params(BaseParams):
 
 
 def check(params: Params) -> None:
-    """Refuse grains that do not fit into the tiles of the smaller gas, where that is quickly checked.
+    """Refuse options without effect, and grains that do not fit into the tiles of the smaller gas, if quickly checked.
 
     Larger packings are refused by the run itself, before it compiles.
 
@@ -123,6 +129,7 @@ def check(params: Params) -> None:
     InputError
         With the options, their values and what fits.
     """
+    check_idle(params)
     if params.dim == 2 and params.order_grains <= MOST_PROBED:
         build(params, params.order_grains, params.seed, 50, "onset_verlet", "--order-grains")
 

@@ -45,6 +45,11 @@ TEXTS = {
 class Params(BaseParams):
     """Selection of the cases, and length of their runs."""
 
+    # No options: cases have their own random numbers, and run on one thread of the CPU.
+    seed: ClassVar[int] = 1  # pyright: ignore[reportIncompatibleVariableOverride]  as said above
+    arch: ClassVar[str] = "cpu"  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
+    threads: ClassVar[int] = 1  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
+
     precision: Literal["both", "f64", "f32"] = Field(  # pyright: ignore[reportIncompatibleVariableOverride]  one more
         default="both", description="floating-point types to run the cases in"
     )

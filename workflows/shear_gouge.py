@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
+from workflows.common.parameter_coordinates import parameter_coordinates
 from workflows.common.parameters import to_toml
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
+from workflows.gouge.labels import grain_words
 from workflows.gouge.layer_metrics import BOUNDS, REMEDIES, analyse
 from workflows.gouge.layer_scene import build, effects_of
 from workflows.gouge.parameters import Params
@@ -101,9 +103,12 @@ def simulate(
 
 def _record(sim: lsm.Simulation, layer: lsm.ShearedLayer, out: Path, params: Params, report: Progress) -> float:
     """All stages of the run, with their files; returns grain steps per second of the shear."""
-    title = f"Shear of a layer of {params.shape} grains in {params.dim}D"
+    scene = sim.scene
+    title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
     summary = "Generated loose, consolidated under servo-controlled normal stress, sheared at constant velocity."
-    with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed) as recorder:
+    scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
+    scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene
+    with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed, scalars) as recorder:
         recorder.row(0)
         recorder.snapshot()
         consolidate(sim, layer, recorder, params)

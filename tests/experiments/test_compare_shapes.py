@@ -65,7 +65,12 @@ def test_every_run_is_in_the_table(compared):
     assert list(table["shape"].values) == ["sphere"] * 2 + ["angular"] * 2
     assert list(table.seed.values) == [1, 2, 1, 2]
     assert set(table.status.values) == {"complete"} and table.run_status == "complete"
-    assert set(table.coords) == {"shape", "seed"}
+    assert {"shape", "seed", "particle_friction", "target_normal_stress", "density"} <= set(table.coords)
+    assert set(table.particle_friction.values) == {0.5} and set(table.length.values) == {10.0}
+    assert np.isnan(table.corner_radius.values[:2]).all() and set(table.corner_radius.values[2:]) == {0.05}
+    runs = lsm.open_runs(out)
+    assert runs.friction.sizes["run"] == 4 and sorted(runs["shape"].values) == sorted(table["shape"].values)
+    assert {s for s in runs.stage.values.ravel() if isinstance(s, str)} == {"generate", "consolidate", "shear"}
     for i, path in enumerate(table.path.values):
         of_run = json.loads((out / path / "summary.json").read_text())["metrics"]
         for name in ("friction_mean", "energy_residual", "porosity"):

@@ -4,7 +4,6 @@ Every option of every workflow is driven to its bounds and just beyond them, alo
 the merge of parameters and all that is computed before a run begins. A new workflow is tested without being named here.
 """
 
-import functools
 import itertools
 import json
 import math
@@ -21,7 +20,6 @@ import taichi_lsm as lsm
 from workflows.cli.discovery import find_workflows
 from workflows.common.parameter_types import choices, items, kind, members
 from workflows.common.parameters import merge, option_name
-from workflows.gouge import initial_grains
 
 ROOT = Path(__file__).parents[2]
 WORKFLOWS = find_workflows()
@@ -58,21 +56,7 @@ TABLES = (
 )
 
 
-@pytest.fixture(scope="module", autouse=True)
-def few_shapes():
-    """Layers of a few shapes, each made once: how many there are changes nothing in what is refused."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(initial_grains, "SHAPES", {2: 2, 3: 1})
-        patch.setattr(initial_grains, "AGGREGATES", 1)
-        for name in ("random_angular_shapes", "random_angular_polyhedra", "angular_aggregate"):
-            patch.setattr(lsm.shapes, name, remembered(getattr(lsm.shapes, name)))
-        yield
-
-
-def remembered(make):
-    """As `make`, which is called once for equal arguments."""
-    cached = functools.lru_cache(maxsize=None)(lambda text: make(*json.loads(text)))
-    return lambda *arguments: cached(json.dumps(arguments))
+pytestmark = pytest.mark.usefixtures("few_shapes")
 
 
 def bounds(metadata):

@@ -126,6 +126,13 @@ def test_the_files_tell_how_they_were_made(sheared, shape):
     folder, params, dataset = sheared(shape)
     assert merge(shear_gouge.Params, toml_path=folder / "config.toml") == params
     assert dataset.config_toml == (folder / "config.toml").read_text()
+    grains = {"sphere": "discs", "angular": "angular grains"}[shape]
+    assert dataset.title == f"Shear of a layer of {grains} in 2D"
+    assert float(dataset.stiffness_number) == pytest.approx(1000.0) and float(dataset.particle_friction) == 0.5
+    assert dataset["run"] == folder.name and dataset["shape"] == shape and int(dataset.seed) == params.seed
+    assert np.isnan(dataset.width) and np.isnan(dataset.corner_radius) == (shape == "sphere")
+    acted = {(row.effect, row.name): row.value for row in lsm.read_effects(dataset)}
+    assert acted["coulomb_friction", "coefficient"] == 0.5 and acted["viscous_damping", "restitution"] == 0.5
     grains = lsm.open_run(folder / "grains.nc")
     assert grains.run_status == "complete"
     assert float(grains.time[-1]) == float(dataset.time[-1])

@@ -62,10 +62,10 @@ def drift(sim: lsm.Simulation, contacts: float, per_contact: float, samples: int
     return worst
 
 
-def reference(params: Params) -> tuple[lsm.Simulation, float]:
+def reference(params: Params, precision: str = "f64") -> tuple[lsm.Simulation, float]:
     """(simulation of the gas of discs at the default settings, its steps per contact)."""
     scene = gas(params, "onset_verlet", 48, params.seed, "discs", dt="default")
-    sim = lsm.Simulation(scene, precision=params.precision)
+    sim = lsm.Simulation(scene, precision=precision)
     return sim, gas(params, "onset_verlet", 1, params.seed, "discs").chosen_dt() / sim.dt
 
 
@@ -74,12 +74,12 @@ def default_steps_per_contact(params: Params) -> float:
     return reference(params)[1]
 
 
-def measure_gas(params: Params, group: str) -> list[Trial]:
+def measure_gas(params: Params, group: str, precision: str = "f64") -> list[Trial]:
     """Trials of the schemes of a group: energy drift of the gas of arcs against steps per contact."""
-    discs, usual = reference(params)
+    discs, usual = reference(params, precision)
     sims = {"discs": discs}
     for scheme in GROUPS[group]:
-        sims[scheme] = lsm.Simulation(gas(params, scheme, 200, params.seed), precision=params.precision)
+        sims[scheme] = lsm.Simulation(gas(params, scheme, 200, params.seed), precision=precision)
     cost = seconds_per_step(sims, params.timed_steps // 3 * 3, params.turns)
     trials = []
     for scheme in GROUPS[group]:
@@ -87,7 +87,7 @@ def measure_gas(params: Params, group: str) -> list[Trial]:
             for replica in range(params.replicas):
                 sims[scheme].reset(gas(params, scheme, n, params.seed + replica))
                 error = drift(sims[scheme], params.contacts, n)
-                parameter = scheme if params.precision == "f64" else f"{scheme}, f32"
+                parameter = scheme if precision == "f64" else f"{scheme}, f32"
                 relative = cost[scheme] * n / (cost["discs"] * usual)
                 where = (parameter, f"{n} steps per contact", n, "energy drift of a gas", replica)
                 trials.append(Trial(*where, error, cost[scheme] * n, relative))

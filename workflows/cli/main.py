@@ -247,7 +247,8 @@ def execute(
     problems, params = refusals(folder, overwrite), None
     check = getattr(module, "check", None)
     try:
-        params = merge(module.Params, preset, config, options)
+        params = merge(module.Params, preset, config, options, elsewhere=_fields_elsewhere(module))
+        _complain([f"note: {text}" for text in params.notes])
         if params.arch != "cpu":
             _check_arch(params.arch)
         if check:
@@ -283,6 +284,11 @@ def execute(
 def _written_at(path: Path) -> int | None:
     """When a file was last written [ns]; None if there is none."""
     return path.stat().st_mtime_ns if path.exists() else None
+
+
+def _fields_elsewhere(module: ModuleType) -> set[str]:
+    """Names of the parameters of all other experiments."""
+    return {name for other in find_workflows().values() if other is not module for name in other.Params.model_fields}
 
 
 def _check_arch(arch: str) -> None:

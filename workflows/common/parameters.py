@@ -74,6 +74,24 @@ class Params(pydantic.BaseModel):
         """
         return None
 
+    @cached_property
+    def given(self) -> frozenset[str]:
+        """Fields that the user set: by an option, in a TOML file or in Python, but not by a preset."""
+        return frozenset(self.model_fields_set)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of where these parameters come from, one line each."""
+        return ()
+
+    def idle(self) -> dict[str, str]:
+        """Fields that have no effect beside the values of the others, each with the reason; none here."""
+        return {}
+
+    def resolved(self) -> dict[str, Any]:
+        """Values by field, with what stands for those that are none, as far as it is known before a run."""
+        return {name: getattr(self, name) for name in type(self).model_fields}
+
     @field_validator("*", mode="before")
     @classmethod
     def _tell_apart(cls, value: Any, info: ValidationInfo) -> Any:
@@ -107,10 +125,9 @@ def merge(
     preset: str | None = None,
     toml_path: str | os.PathLike[str] | None = None,
     options: Mapping[str, Any] | None = None,
+    elsewhere: Iterable[str] = (),
 ) -> OfOneWorkflow:
-    """Parameters from a preset, overridden by a TOML file, overridden by options; validated once.
-
-    A value replaces the one below it as a whole.
+    """Parameters from a preset, overridden by a TOML file, overridden by options, each as a whole; validated once.
 
     Parameters
     ----------
@@ -122,6 +139,9 @@ def merge(
         A TOML file, or None.
     options
         Field name -> value; a string is parsed, for a list at its commas.
+    elsewhere
+        Fields of other experiments. A TOML file that has one of them was written for another experiment: what this one
+        does not have, or cannot use, is left out and named in `notes`.
 
     Raises
     ------
@@ -149,13 +169,11 @@ def merge(
         problems.append(
             f"--preset {name}: unknown preset, must be one of {', '.join(presets)}." + nearest(name, presets)
         )
-    if toml_path is not None:
-        layer(str(toml_path), _read_toml(Path(toml_path), problems))
-    layer(
-        "option",
-        {k: split_list(fields[k].annotation, v) if k in fields else v for k, v in (options or {}).items()},
-    )
-
+    of_file = {} if toml_path is None else _read_toml(Path(toml_path), problems)
+    foreign = (set(elsewhere) - set(fields)) & set(of_file)
+    layer(str(toml_path), {key: value for key, value in of_file.items() if key not in foreign})
+    given = (options or {}).items()
+    layer("option", {k: split_list(fields[k].annotation, v) if k in fields else v for k, v in given})
     params = None
     try:
         params = params_class.model_validate(values)
@@ -164,8 +182,22 @@ def merge(
         problems += _rules_between(error, params_class, values, problems)
     if problems or params is None:
         raise ParameterError(problems)
-    vars(params)["preset_name"] = name  # in the place of the cached property
+    _remember_sources(params, name, sources, str(toml_path), foreign)
     return params
+
+
+def _remember_sources(params: Params, preset: str, sources: dict[str, str], path: str, foreign: set[str]) -> None:
+    """Fill in `preset_name`, `given` and `notes`, in the place of the cached properties.
+
+    foreign: fields in the file at `path` that only other experiments have.
+    """
+    given = {key for key, source in sources.items() if source != f"preset {preset}"}
+    if foreign:
+        unused = {key for key in params.idle() if sources.get(key) == path}
+        given -= unused
+        left_out = ", ".join(sorted(foreign | unused))
+        vars(params)["notes"] = (f"{path}: is of another experiment; left out of it: {left_out}",)
+    vars(params)["preset_name"], vars(params)["given"] = preset, frozenset(given)
 
 
 def _read_toml(path: Path, problems: list[str]) -> dict:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pydantic
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameters import OfOneWorkflow
+from workflows.common.parameters import OfOneWorkflow, ParameterError, Params, option_name
 
 
 def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflow:
@@ -26,6 +26,40 @@ def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflo
             name = ".".join(map(str, item["loc"]))
             reasons.append(f"{name} {item['input']!r}: {reason}" if name else reason)
         raise InputError("; ".join(reasons)) from error
+
+
+def derived(params_class: type[OfOneWorkflow], params: Params, **changes: object) -> OfOneWorkflow:
+    """Parameters of one run of an experiment that makes many: those of the experiment, and what the run has of its own.
+
+    None of them counts as given by the user: which options have no effect is known to the experiment, not to a run.
+
+    Raises
+    ------
+    InputError
+        As `checked`.
+    """
+    shared = params.model_dump(include=set(params_class.model_fields)) | changes
+    of_run = checked(params_class, **shared)
+    vars(of_run)["given"] = frozenset()  # in the place of the cached property
+    return of_run
+
+
+def check_idle(params: Params) -> None:
+    """Refuse values that the user gave and that would change nothing.
+
+    Raises
+    ------
+    ParameterError
+        With each such option, its value and why it has no effect.
+    """
+    idle = params.idle()
+    problems = [
+        f"{option_name(name)} {getattr(params, name)}: has no effect {reason}; leave it out"
+        for name, reason in idle.items()
+        if name in params.given
+    ]
+    if problems:
+        raise ParameterError(problems)
 
 
 @contextmanager

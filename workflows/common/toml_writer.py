@@ -1,25 +1,32 @@
 """Parameters as TOML text, which is stored with every run and can be used as its --config."""
 
+from __future__ import annotations
+
 import json
 import re
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pydantic
+if TYPE_CHECKING:
+    from workflows.common.parameters import Params
 
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
-def to_toml(params: pydantic.BaseModel) -> str:
+def to_toml(params: Params) -> str:
     """Every field of `params` as TOML, each under a comment with its description (which ends in the unit).
 
-    None is written as the string "none". Lists of tables come last, as TOML requires.
+    None is written as the string "none". Fields that have no effect (`Params.idle`) are comments. Lists of tables come
+    last, as TOML requires.
     """
     plain, tables = [], []
     values = params.model_dump(mode="json", round_trip=True)
+    idle = params.idle()
     for name, field in type(params).model_fields.items():
         value = values[name]
         comment = [f"# {' '.join(field.description.split())}"] if field.description else []
-        if _is_table(value):
+        if name in idle:
+            plain.append("\n".join([*comment, f"# {name} = {_value(value)}  # no effect {idle[name]}"]))
+        elif _is_table(value):
             tables.append("\n".join(["", *comment, f"[{name}]", *_pairs(value)]))
         elif isinstance(value, list) and value and all(map(_is_table, value)):
             blocks = ["\n".join([f"[[{name}]]", *_pairs(table)]) for table in value]

@@ -55,7 +55,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "platen_friction_mean": Metric(platen.mean, "1"),
         "platen_bulk_difference": Metric(apart, "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
-        "stiffness_number": Metric(params.stiffness_number, "1"),
+        "stiffness_number": Metric(float(dataset.stiffness_number), "1"),
         "energy_residual": Metric(float(residual), "1"),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),

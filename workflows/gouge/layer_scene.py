@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.refusals import in_terms_of
+from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, loose_grains
-from workflows.gouge.parameters import MOST_GRAINS, Params
+from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, Params
 
 if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
@@ -23,7 +23,6 @@ BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
-EFFECTS_HELP = "lsm list --effects shows what there is"
 MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
 
 
@@ -33,10 +32,11 @@ def check(params: Params) -> None:
     Raises
     ------
     InputError
-        For more grains than a process can hold, a cell in which a grain would touch its own image, or effects that
-        are wrong or do not suit the shape and dimension of the grains.
+        For options without effect, more grains than a process can hold, a cell in which a grain would touch its own
+        image, or effects that are wrong or do not suit the shape and dimension of the grains.
     """
     p = params
+    check_idle(p)
     _check_count(p)
     least_cell(p, p.platen_diameter * p.largest_diameter, "grains of the platens")
     least_cell(p, p.largest_diameter, "grains")
@@ -52,6 +52,12 @@ def _check_effects(p: Params) -> None:
             effects,
             shapes=[_stand_in(p.shape, p.dim)],
             bonds=np.array([[0, 1]]) if p.breakable else None,
+        )
+    number, least = p.stiffness / (p.normal_stress * p.diameter), p.least_stiffness_number
+    if p.shape == "angular" and number < least:
+        raise lsm.InputError(
+            f"effects: stiffness number {number:.3g} of the contacts, must be >= {least:g} with --corner-radius "
+            f"{p.corner_radius:g}: overlaps would exceed a tenth of what the corners can carry; make them stiffer"
         )
 
 
@@ -178,8 +184,7 @@ def effects_of(params: Params) -> list[Effect]:
         lsm.ViscousDamping(restitution=p.restitution),
         lsm.CoulombFriction(p.friction, p.tangential_ratio * p.stiffness),
     ]
-    with in_terms_of("effects", EFFECTS_HELP):
-        given = lsm.effects.make_effects(p.effects)
+    given = p.given_effects()
     taken = {effect.role or effect.phase for effect in given}
     usual += [_bond(p)] if p.breakable else []
     return [effect for effect in usual if (effect.role or effect.phase) not in taken] + given

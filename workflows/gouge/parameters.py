@@ -1,16 +1,28 @@
 """Parameters of a sheared layer of gouge, and the rules between them."""
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+import taichi_lsm as lsm
 from workflows.common.parameters import Params as BaseParams
+from workflows.common.refusals import in_terms_of
+
+if TYPE_CHECKING:
+    from taichi_lsm.effects import Effect
 
 LEAST_ROWS = 12  # of the steady state: the correlation of fewer cannot be estimated
 STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
+EFFECTS_HELP = "lsm list --effects shows what there is"
+REPLACED = {  # parameters of the default effects, by the role of an effect that replaces one
+    "elasticity": ("stiffness_number",),
+    "damping": ("restitution",),
+    "friction": ("friction", "tangential_ratio"),
+    "bonds": ("bond_strength",),
+}
 
 
 class Params(BaseParams):
@@ -111,8 +123,8 @@ class Params(BaseParams):
             yield f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}"
         if self.dim == 3 and self.platen_diameter > 1.0:
             yield f"--platen-diameter {self.platen_diameter:g} must be <= 1 in 3D: mobile grains would pass"
-        least = 5.0 / self.corner_radius * (self.pieces**0.5 if self.breakable else 1.0)
-        if self.shape == "angular" and self.stiffness_number < least:
+        least = self.least_stiffness_number
+        if self.shape == "angular" and self.stiffness_number < least and not self.effects:
             yield (
                 f"--stiffness-number {self.stiffness_number:g} must be >= {least:g} with --corner-radius "
                 f"{self.corner_radius:g}: overlaps would exceed a tenth of what the corners can carry"
@@ -127,6 +139,40 @@ class Params(BaseParams):
             )
         if self.target_error and (self.breakable or self.load_stiffness or self.effects):
             yield "--target-error is for layers of whole grains at an imposed velocity, with the default effects"
+
+    def idle(self) -> dict[str, str]:
+        """Fields that have no effect: of the other dimension or shape, or of an effect that another one replaces."""
+        found = {}
+        if self.dim == 2:
+            found["width"] = "with --dim 2"
+        if self.shape != "angular":
+            found["corner_radius"] = f"with --shape {self.shape}"
+        if not self.breakable:
+            found |= dict.fromkeys(("pieces", "bond_strength"), "without --breakable")
+        if self.target_error is not None:
+            found |= dict.fromkeys(("strain", "step_safety", "profile"), "with --target-error, which makes the runs")
+        for effect in self.given_effects():
+            role = effect.role or effect.phase
+            found |= dict.fromkeys(REPLACED.get(role, ()), f"beside the effect {effect.name}, which replaces its own")
+        return found
+
+    def given_effects(self) -> list["Effect"]:
+        """The effects of `effects`; InputError if they are wrong."""
+        if not self.effects:
+            return []  # and Taichi, which effects need, is not imported
+        with in_terms_of("effects", EFFECTS_HELP):
+            return lsm.effects.make_effects(self.effects)
+
+    def resolved(self) -> dict[str, Any]:
+        """Values by field; of the thickness, length and number of grains those that stand for none."""
+        thickness, lengths = self.layer
+        sizes = {"layer_thickness": thickness / self.diameter, "length": lengths[0] / self.diameter}
+        return super().resolved() | sizes
+
+    @property
+    def least_stiffness_number(self) -> float:
+        """Least stiffness number with which overlaps of angular grains stay within what their corners carry [1]."""
+        return 5.0 / self.corner_radius * (self.pieces**0.5 if self.breakable else 1.0)
 
     @property
     def least_steady(self) -> float:
@@ -153,5 +199,11 @@ class Params(BaseParams):
 
     @property
     def stiffness(self) -> float:
-        """Normal stiffness k [N m-1] of the stiffness number; in 2D the out-of-plane depth b is d."""
+        """Normal stiffness k [N m-1] of the contacts: of the stiffness number, or of the effects that replace it.
+
+        In 2D the out-of-plane depth b is d.
+        """
+        elastic = [effect for effect in self.given_effects() if effect.role == "elasticity"]
+        if elastic:
+            return lsm.contact_stiffness(elastic, self.normal_stress, self.diameter)
         return self.stiffness_number * self.normal_stress * self.diameter

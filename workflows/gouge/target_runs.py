@@ -13,7 +13,7 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, number, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameters import to_toml
-from workflows.common.refusals import checked
+from workflows.common.refusals import derived
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import target_error
@@ -38,7 +38,7 @@ def runs_of(params: Params, plan: Plan) -> dict[str, Params]:
     """{label: parameters} of the runs of a plan."""
     changes = {"target_error": None, "strain": plan.strain, "step_safety": plan.step_safety}
     seeds = range(params.seed, params.seed + plan.seeds)
-    return {f"seed-{s}": checked(type(params), **params.model_dump() | changes | {"seed": s}) for s in seeds}
+    return {f"seed-{s}": derived(type(params), params, **changes, seed=s) for s in seeds}
 
 
 def run_to_target(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import taichi_lsm as lsm
+from workflows.gouge.labels import friction_words
 from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
 
 BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
@@ -66,7 +67,7 @@ def plot_run(out: str | os.PathLike[str]) -> Path:
         figure.colorbar(drawn, ax=packing, extend="both").set_label(BAR, fontsize=8.8)
         _draw_thickness(thickness, sheared, COLOUR[params.shape])
         _draw_energy(energy, sheared)
-        figure.suptitle(_conditions(params, sheared))
+        figure.suptitle(_wrapped(_conditions(params, sheared)))
     return out / "run.png"
 
 
@@ -79,7 +80,7 @@ def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError) -> Pat
         drawn = draw_packing(axes, snapshot, marked=error.grains)
         figure.colorbar(drawn, ax=axes, extend="both").set_label(BAR, fontsize=8.8)
         axes.set_title("last snapshot, the grains at fault edged in red" if error.grains else "last snapshot")
-        figure.suptitle("\n".join(textwrap.wrap(str(error), 95)))
+        figure.suptitle(_wrapped(str(error), 95))
     return out / "stopped.png"
 
 
@@ -112,7 +113,7 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
                 axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
             lower.colorbar(drawn, ax=layers, extend="both", aspect=30).set_label(BAR)
             one = next(iter(series.values()))[0]
-            figure.suptitle(_conditions(_params(one), _sheared(one)))
+            figure.suptitle(_wrapped(_conditions(_params(one), _sheared(one))))
     return out / "friction.png"
 
 
@@ -153,13 +154,17 @@ def _name(shape):
     return {"sphere": "discs", "angular": "angular grains"}[shape]
 
 
+def _wrapped(text, width=130):
+    """A title in lines that the figure has space for."""
+    return "\n".join(textwrap.wrap(text, width))
+
+
 def _conditions(params, sheared):
     rate = float(sheared.inertial_number[len(sheared.time) // 2 :].mean())
     size = f"{1e6 * params.smallest_diameter:g} to {1e6 * params.largest_diameter:g} µm"
     return (
         f"{params.dim}D gouge, grains {size}, normal stress {params.normal_stress / 1e6:g} MPa, "
-        f"particle friction {params.friction:g}, inertial number {rate:.2g}, "
-        f"stiffness number {params.stiffness_number:g}"
+        f"{friction_words(sheared)}, inertial number {rate:.2g}, stiffness number {float(sheared.stiffness_number):.4g}"
     )
 
 

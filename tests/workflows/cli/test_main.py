@@ -322,6 +322,12 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(plugins, tmp
     assert not (tmp_path / "new").exists()
 
 
+def test_what_is_left_out_of_a_file_is_said_even_if_quiet(plugins, tmp_path, capsys):
+    (tmp_path / "a.toml").write_text("grains = 30\nreplicas = 2\n")  # compare-shapes has replicas, the toy has not
+    assert main(["toy-run", "--config", "a.toml", "--quiet"]) == 0
+    assert capsys.readouterr().err == "lsm: note: a.toml: is of another experiment; left out of it: replicas\n"
+
+
 def test_summary_is_strict_json(tmp_path, capsys):
     metrics = {"lost": Metric(math.nan, "1"), "bad": Metric(2.0, "J", 1.0, False)}
     write_summary(tmp_path, "w", "demo", metrics)

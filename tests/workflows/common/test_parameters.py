@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, Field
 
 from workflows.common.parameters import ParameterError, Params, merge, to_toml
+from workflows.common.refusals import check_idle
 
 
 def problems(params_class, *args, **kwargs) -> list[str]:
@@ -177,3 +178,25 @@ def test_toml_round_trip(tmp_path_factory, params):
     scene = tmp_path_factory.getbasetemp() / "round.toml"
     scene.write_text(to_toml(params), encoding="utf-8", newline="")
     assert merge(Everything, "demo", scene, {}) == params
+
+
+def test_a_file_of_another_experiment_serves_with_what_both_have(toy, tmp_path):
+    (tmp_path / "a.toml").write_text("grains = 30\ntile = 1e-3\nreplicas = 2\n")
+    params = merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile", "replicas", "grains"])
+    assert params.grains == 30 and params.given == {"grains"}
+    assert params.notes == (f"{tmp_path / 'a.toml'}: is of another experiment; left out of it: replicas, tile",)
+    assert merge(toy.Params).notes == ()
+    with pytest.raises(ParameterError, match=r"replicas = 2 .*: unknown parameter"):
+        merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile"])
+
+
+def test_what_a_file_of_another_experiment_sets_without_effect_is_left_out_of_it(toy, tmp_path, monkeypatch):
+    monkeypatch.setattr(toy.Params, "idle", lambda self: {"note": "in a toy"})
+    (tmp_path / "a.toml").write_text('note = "mine"\ntile = 1e-3\n')
+    params = merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile"])
+    check_idle(params)
+    assert params.notes[0].endswith("left out of it: note, tile")
+    assert '# note = "mine"  # no effect in a toy' in to_toml(params).splitlines()
+    (tmp_path / "a.toml").write_text('note = "mine"\n')
+    with pytest.raises(ParameterError, match="--note mine: has no effect in a toy; leave it out"):
+        check_idle(merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile"]))

@@ -88,6 +88,8 @@ def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
     run_plots.plot_run(folder)
     rows = dataset.isel(time=dataset.stage.values == "shear")
     strain = rows.shear_strain.values
+    title = pictures[0].get_suptitle().replace("\n", " ")
+    assert "Coulomb friction (coefficient 0.5), inertial number" in title and "stiffness number 1000" in title
     friction, layer, thickness, energy = panels(pictures[0], "abcd")
 
     drawn = curves(friction)

@@ -1,0 +1,67 @@
+"""Names and numbers that files and pictures show are those of the effects and grains that ran."""
+
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.io.run_file import RunWriter
+from tests.helpers.output_files import LABELS, RUN, attributes
+from workflows import shear_gouge
+from workflows.common.small_scenes import scene_of
+from workflows.gouge.labels import friction_words, grain_words
+
+HERTZ = {"name": "hertz", "youngs_modulus": 70e9, "poissons_ratio": 0.3}
+GLASS = (70e9 / 5e6) ** (2.0 / 3.0)  # stiffness number of glass at 5 MPa, 580.9
+
+
+def test_the_stiffness_of_contacts_follows_from_their_effects():
+    """A spring has its own; that of Hertz gives the stiffness number (E/P)^(2/3); other effects have none."""
+    stress, width = 5e6, 1e-4
+    assert lsm.contact_stiffness([lsm.LinearElastic(1e5), lsm.CoulombFriction(0.5, 1e4)], stress, width) == 1e5
+    hertz = lsm.contact_stiffness([lsm.effects.Hertz(70e9, 0.3)], stress, width)
+    assert hertz / (stress * width) == pytest.approx(580.9, abs=0.1)
+    assert np.isnan(lsm.contact_stiffness([lsm.CoulombFriction(0.5, 1e4)], stress, width))
+
+
+@pytest.mark.parametrize(("given", "number"), [([], 1000.0), ([HERTZ], GLASS)])
+def test_the_default_effects_follow_the_elasticity_that_replaces_theirs(given, number):
+    params = shear_gouge.Params(effects=given)
+    stiffness = number * params.normal_stress * params.diameter
+    assert params.stiffness == pytest.approx(stiffness, rel=1e-12)
+    (friction,) = (e for e in shear_gouge.effects_of(params) if e.name == "coulomb_friction")
+    assert friction.tangential_stiffness == pytest.approx(0.5 * stiffness, rel=1e-12)
+
+
+def test_soft_effects_for_angular_grains_are_refused_by_their_own_stiffness_number():
+    soft = {"name": "linear_elastic", "stiffness": 5e3}
+    with pytest.raises(lsm.InputError, match=r"effects: stiffness number 7.87 of the contacts, must be >= 100"):
+        shear_gouge.check(shear_gouge.Params(shape="angular", effects=[soft]))
+
+
+def test_friction_is_named_by_the_effect_in_the_file(tmp_path):
+    rates = lsm.effects.RateAndStateFriction(0.1, 0.01, 0.02, 1e-6, 1e-3, 1e5)
+    found = {}
+    for name, effects in (
+        ("one", [lsm.CoulombFriction(0.4, 1e5)]),
+        ("two", [rates]),
+        ("none", [lsm.LinearElastic(1e5)]),
+    ):
+        RunWriter(tmp_path / f"{name}.nc", RUN, attributes(), LABELS, effects=effects).close("complete")
+        found[name] = friction_words(lsm.open_run(tmp_path / f"{name}.nc"))
+    assert found == {
+        "one": "Coulomb friction (coefficient 0.4)",
+        "two": "rate and state friction (reference coefficient 0.1, direct effect 0.01, evolution effect 0.02)",
+        "none": "no friction",
+    }
+
+
+def test_grains_are_named_by_their_shapes():
+    square = lsm.shapes.from_polygon([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], 0.1)
+    elastic = [lsm.LinearElastic(1e5)]
+
+    def words(shape, dim=2):
+        return grain_words(scene_of(2.0 * np.eye(2, dim), elastic, shapes=[shape]))
+
+    assert words(lsm.disc()) == "discs" and words(lsm.sphere(), 3) == "spheres"
+    assert words(square) == "angular grains"
+    assert words(lsm.shapes.equal_clump(square, 6)) == "clumps"
