@@ -244,6 +244,23 @@ def test_an_option_without_effect_is_refused_even_at_its_default(base, key, valu
         shear_gouge.check(params)
 
 
+@pytest.mark.parametrize(
+    ("name", "base", "key", "value"),
+    [
+        ("compare-shapes", {}, "width", "7"),
+        ("energy-conservation", {}, "chamfers", "11"),
+        ("energy-conservation", {"dim": "3"}, "missed_seam", "1e-4"),
+        ("energy-conservation", {"dim": "3"}, "order_grains", "225"),
+        ("accuracy-cost", {"long_strain": "0"}, "long_runs", "6"),
+        ("accuracy-cost", {"long_shapes": ""}, "long_strain", "33"),
+    ],
+)
+def test_other_experiments_refuse_what_has_no_effect(name, base, key, value):
+    module = WORKFLOWS[name]
+    with pytest.raises(lsm.InputError, match=rf"^{option_name(key)} \S+: has no effect .*; leave it out$"):
+        module.check(merge(module.Params, options=base | {key: value}))
+
+
 def test_values_of_a_preset_do_not_count_as_given():
     assert "stiffness_number" in shear_gouge.Params.presets["reference"]
     params = merge(shear_gouge.Params, "reference", options={"effects": [HERTZ]})

@@ -40,7 +40,7 @@ def print_list(workflows: dict[str, ModuleType]) -> int:
 
 
 def print_effects() -> int:
-    """Print equation, parameters with units, history per contact and measured cost of every effect."""
+    """Print equation, shapes, parameters with units, history per contact and measured cost of every effect."""
     import taichi_lsm as lsm
 
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
@@ -49,23 +49,41 @@ def print_effects() -> int:
         print(f"{name}: {first_line(effect)}")
         print(f"  equation    {effect.equation}")
         print(f"  phase       {effect.phase}")
+        print(f"  shapes      {_shapes_of(effect)}")
         for field in dataclasses.fields(cast(Any, effect)):
             given = "" if field.default is dataclasses.MISSING else f", default {field.default}"
             print(f"  parameter   {field.name} [{effect.units.get(field.name, '?')}]{given}")
         for value in case.history:
             sizes = " or ".join(f"{8 * value.size(dim)} bytes in {dim}D" for dim in (2, 3))
             print(f"  history     {value.name} [{value.units}], {value.long_name}: {sizes} per contact")
-        cost = saved["effects"].get(name)
-        if cost:
-            print(
-                f"  cost        {cost['added_ns']:.1f} ns per grain and step, {cost['added_bytes_per_grain']} bytes "
-                f"per grain, {cost['added_bytes_per_pair']} bytes per listed pair"
-            )
-        else:
-            print("  cost        not measured")
+        print(f"  cost        {_cost_of(name, saved['effects'])}")
         print()
     print(f"Costs of scene {saved['about']['scene']}, on {saved['about']['machine']}: python -m benchmarks.effects")
     return 0
+
+
+def _shapes_of(effect: Any) -> str:
+    """The grains on which an effect can act, from what it needs to know of their surfaces."""
+    if effect.radius_stored:
+        return "discs and spheres, chains of equal arcs: its energy depends on the radius of curvature"
+    if "reduced_radius" in effect.needs:
+        return "discs, spheres and arc chains, which have one radius of curvature at the contact"
+    return "all"
+
+
+def _cost_of(name: str, saved: dict[str, dict]) -> str:
+    """Measured cost of an effect.
+
+    An effect cannot make a step faster: the most negative difference shows how small a one can be measured.
+    """
+    if name not in saved:
+        return "not measured"
+    cost, noise = saved[name], -min(0.0, *(other["added_ns"] for other in saved.values()))
+    time = f"{cost['added_ns']:.1f} ns per grain and step"
+    if cost["added_ns"] <= noise:
+        time = f"time below what can be measured, {noise:.1f} ns per grain and step"
+    memory = f"{cost['added_bytes_per_grain']} bytes per grain, {cost['added_bytes_per_pair']} bytes per listed pair"
+    return f"{time}, {memory}"
 
 
 def print_info(folder: Path) -> int:
