@@ -29,6 +29,7 @@ from workflows.common.parameters import to_toml
 from workflows.common.refusals import check_idle
 from workflows.common.run_table import attributes_of
 from workflows.common.stopwatch import Stopwatch
+from workflows.gouge.parameters import Shape
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
 
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     import xarray
 
 Parameter = Literal[
-    "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_diameter"
+    "stiffness_number", "inertial_number", "layer_thickness", "length", "step_safety", "platen_roughness"
 ]
 LEAST_LONG = 3.0  # strain
 # What to change where a claim does not hold.
@@ -79,11 +80,11 @@ class Params(BaseParams):
     corners: list[Annotated[float, Field(ge=0.02, le=0.25)]] = Field(
         default=[0.2, 0.1, 0.05, 0.03], description="corner radii [diameters]"
     )
-    shapes: list[Literal["sphere", "angular"]] = Field(
-        default=["sphere"], min_length=1, description="grains of the layers in which all parameters are varied"
+    shapes: list[Shape] = Field(
+        default=["round"], min_length=1, description="grains of the layers in which all parameters are varied"
     )
-    long_shapes: list[Literal["sphere", "angular"]] = Field(
-        default=["sphere", "angular"],
+    long_shapes: list[Shape] = Field(
+        default=["round", "angular"],
         description="grains of the layers in which step, strain and seeds are varied",
     )
     parameters: list[Parameter] = Field(
@@ -112,7 +113,7 @@ class Params(BaseParams):
             "patches": [12, 30],
             "discs": [12],
             "corners": [],
-            "long_shapes": ["sphere"],
+            "long_shapes": ["round"],
             "parameters": ["stiffness_number"],
             "most_settings": 3,
             "seeds": 2,
@@ -126,7 +127,7 @@ class Params(BaseParams):
             "patches": [12, 30, 60],
             "discs": [12, 30],
             "corners": [],
-            "long_shapes": ["sphere"],
+            "long_shapes": ["round"],
             "parameters": ["stiffness_number"],
             "most_settings": 3,
             "seeds": 4,

@@ -28,7 +28,8 @@ from workflows.plots import run_plots
 if TYPE_CHECKING:
     import xarray
 
-SHAPES = ("sphere", "angular")
+SHAPES = ("round", "angular")
+METRIC_OF = {"round": "friction_sphere", "angular": "friction_angular"}  # the metrics keep the names they always had
 
 # Columns of compare.nc that are metrics of a run, by the names that `shear_gouge.analyse` gives them.
 COLUMNS = [
@@ -55,7 +56,7 @@ COLUMNS = [
 ]
 SEED = lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing")
 TEXTS = {
-    "shape": "shape of the mobile grains; sphere means disc in 2D",
+    "shape": "shape of the mobile grains",
     "status": "how the run ended: complete, failed or interrupted",
     "path": "folder of the run, relative to this file",
 }
@@ -130,7 +131,7 @@ def check(params: Params) -> None:
 
 
 def build(params: Params) -> dict[str, shear_gouge.Params]:
-    """Label -> parameters of every run, spheres first; the label is also the name of the run's folder."""
+    """Label -> parameters of every run, round grains first; the label is also the name of the run's folder."""
     seeds = range(params.seed, params.seed + params.replicas)
     return {
         f"{shape}-{seed}": derived(shear_gouge.Params, params, shape=shape, seed=seed)
@@ -222,8 +223,8 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
     """Metrics of the comparison; None where no run gives a value."""
     found, metrics = estimates(table), {}
     for shape in SHAPES:
-        metrics |= metrics_of_estimate(f"friction_{shape}_mean", f"friction_{shape}_se", found.get(shape))
-    apart = lsm.statistics.difference(found["angular"], found["sphere"]) if len(found) == 2 else None
+        metrics |= metrics_of_estimate(f"{METRIC_OF[shape]}_mean", f"{METRIC_OF[shape]}_se", found.get(shape))
+    apart = lsm.statistics.difference(found["angular"], found["round"]) if len(found) == 2 else None
     metrics |= metrics_of_estimate("friction_difference", "friction_difference_se", apart)
     for name, column in WORST.items():
         worst = float(np.abs(table[column]).max())

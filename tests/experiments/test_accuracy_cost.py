@@ -138,7 +138,7 @@ def test_variances_of_windows_are_found_again():
 
 @pytest.fixture
 def table(tmp_path, monkeypatch):
-    row = {"shape": "sphere", "dim": 2, "stiffness_number": 1000.0, "inertial_number": 5e-3, "area": 168.0}
+    row = {"shape": "round", "dim": 2, "stiffness_number": 1000.0, "inertial_number": 5e-3, "area": 168.0}
     row |= {"grains_per_area": 1.0, "between_seeds": 1e-5, "times_strain": 4e-4}
     row |= {"seconds_per_grain_strain": 1e-3, "start_seconds": 8.0}
     row |= {"bias_of_step": {"0.8": 0.004, "0.4": 0.001}, "cost_of_step": {"0.8": 0.6, "0.4": 1.0}}
@@ -186,7 +186,7 @@ def test_targets_out_of_range_are_refused_with_what_is_possible(table):
     params = shear_gouge.Params(length=14, layer_thickness=12)
     with pytest.raises(lsm.InputError, match="--target-error 1e-07: must be >= "):
         target_error.plan(params, 1e-7)
-    with pytest.raises(lsm.InputError, match=r"not measured for .* only for --shape sphere --dim 2"):
+    with pytest.raises(lsm.InputError, match=r"not measured for .* only for --shape round --dim 2"):
         target_error.plan(shear_gouge.Params(shape="angular"), 0.01)
 
 

@@ -21,7 +21,7 @@ SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 
 def test_the_runs_differ_in_shape_and_seed_only():
     params = compare_shapes.Params(seed=4, replicas=2, friction=0.3, **SMALL)
     runs = compare_shapes.build(params)
-    assert list(runs) == ["sphere-4", "sphere-5", "angular-4", "angular-5"]
+    assert list(runs) == ["round-4", "round-5", "angular-4", "angular-5"]
     for label, of_run in runs.items():
         assert f"{of_run.shape}-{of_run.seed}" == label
         for name in set(shear_gouge.Params.model_fields) - {"shape", "seed"}:
@@ -62,7 +62,7 @@ def compared(runtime, tmp_path_factory):
 @pytest.mark.validate
 def test_every_run_is_in_the_table(compared):
     out, table, reports = compared
-    assert list(table["shape"].values) == ["sphere"] * 2 + ["angular"] * 2
+    assert list(table["shape"].values) == ["round"] * 2 + ["angular"] * 2
     assert list(table.seed.values) == [1, 2, 1, 2]
     assert set(table.status.values) == {"complete"} and table.run_status == "complete"
     assert {"shape", "seed", "particle_friction", "target_normal_stress", "density"} <= set(table.coords)
@@ -101,14 +101,14 @@ def test_errors_and_intervals_follow_from_the_replicas(compared):
     out, table, _ = compared
     metrics = json.loads((out / "summary.json").read_text())["metrics"]
     mean, error = {}, {}
-    for shape in ("sphere", "angular"):
+    for shape, metric in compare_shapes.METRIC_OF.items():
         own = table.friction_mean.values[table["shape"].values == shape]
         mean[shape], error[shape] = own.mean(), own.std(ddof=1) / np.sqrt(2)  # so short runs know no error of their own
-        assert metrics[f"friction_{shape}_mean"]["value"] == pytest.approx(mean[shape])
-        low, high = metrics[f"friction_{shape}_mean"]["interval"]
+        assert metrics[f"{metric}_mean"]["value"] == pytest.approx(mean[shape])
+        low, high = metrics[f"{metric}_mean"]["interval"]
         assert high - low == pytest.approx(2 * 12.7062047 * error[shape])  # Student's t of one degree of freedom
-        assert metrics[f"friction_{shape}_se"]["value"] == pytest.approx(error[shape])
-    assert metrics["friction_difference"]["value"] == pytest.approx(mean["angular"] - mean["sphere"])
+        assert metrics[f"{metric}_se"]["value"] == pytest.approx(error[shape])
+    assert metrics["friction_difference"]["value"] == pytest.approx(mean["angular"] - mean["round"])
     assert metrics["friction_difference_se"]["value"] == pytest.approx(np.hypot(*error.values()))
     assert metrics["energy_residual_max"]["value"] == pytest.approx(float(table.energy_residual.max()))
     assert metrics["energy_residual_max"]["holds"] is True
@@ -123,7 +123,7 @@ def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compar
     friction, published, round_layer, angular_layer = panels(pictures[0], "abcd")
     estimates = compare_shapes.estimates(table)
     labels = list(curves(friction))
-    for shape, name in (("sphere", "discs"), ("angular", "angular grains")):
+    for shape, name in (("round", "discs"), ("angular", "angular grains")):
         mean, (low, high) = estimates[shape].mean, estimates[shape].interval
         label = f"{name}: {mean:.3f}, 95 % interval {low:.3f} to {high:.3f} (2 runs)"
         assert label in labels
@@ -141,11 +141,11 @@ def test_the_picture_shows_the_mean_of_each_shape_beside_published_values(compar
 def test_the_printed_table_has_a_line_per_run(compared):
     lines = compare_shapes.table_text(compared[1]).splitlines()
     assert len(lines) == 5
-    assert lines[1].split()[:3] == ["sphere", "1", "complete"]
+    assert lines[1].split()[:3] == ["round", "1", "complete"]
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize("survivors", [("sphere-1", "angular-1"), ("sphere-1",), ()])
+@pytest.mark.parametrize("survivors", [("round-1", "angular-1"), ("round-1",), ()])
 def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivors):
     done, table, _ = compared
 
@@ -173,7 +173,7 @@ def test_an_interrupted_comparison_keeps_its_complete_runs(compared, tmp_path, m
     done, table, _ = compared
 
     def interrupted(jobs, at_a_time, progress):
-        shutil.copytree(done / "runs/sphere-2", tmp_path / "runs/sphere-2")
+        shutil.copytree(done / "runs/round-2", tmp_path / "runs/round-2")
         raise signals.Interrupted(signal.SIGTERM)
 
     monkeypatch.setattr(compare_shapes, "run_replicas", interrupted)

@@ -87,7 +87,9 @@ def values_of(field):
         return list(TABLES), []
     if how == "list":
         inner = [a for m in members(field.annotation) if m is not types.NoneType for a in m.__args__]
-        rules = [rule for a in inner for extra in getattr(a, "__metadata__", ()) for rule in extra.metadata]
+        rules = [
+            rule for a in inner for extra in getattr(a, "__metadata__", ()) for rule in getattr(extra, "metadata", ())
+        ]
         allowed, refused = bounds(rules)
         tried = [*names, ",".join(names), *map(repr, allowed)] if names or allowed else FREE_LISTS
         return ["", *tried], [*map(repr, refused), *(["nonsense"] if names or allowed else [])]
@@ -166,8 +168,8 @@ def test_every_corner_radius_of_shapes_that_replace_those_of_a_layer_is_accepted
 
 def test_refusals_name_option_value_allowed_and_remedy():
     base = TINY["shear-gouge"][0]
-    platen = outcome("shear-gouge", base | {"platen_diameter": "3"})
-    assert all(words in platen for words in ("--length 6", "--platen-diameter 3", "must be >= 7.04", "raise it"))
+    platen = outcome("shear-gouge", base | {"platen_roughness": "3"})
+    assert all(words in platen for words in ("--length 6", "--platen-roughness 3", "must be >= 7.04", "raise it"))
     unequal = {"dim": "3", "width": "4", "shape": "angular", "smallest_diameter": "1e-5"}
     angular = outcome("shear-gouge", base | unequal)
     assert "--width 4" in angular and "must be >=" in angular and "across" in angular
@@ -183,11 +185,11 @@ def test_the_command_line_shows_no_traceback(tmp_path):
     """The same through `lsm` itself, in one process for a sample."""
     small = "--length 6 --layer-thickness 8 --grains 30"
     lines = [
-        f"shear-gouge --platen-diameter 3 {small}",
+        f"shear-gouge --platen-roughness 3 {small}",
         f"shear-gouge --dim 3 --smallest-diameter 1e-9 {small}",
         f"shear-gouge --shape angular --corner-radius 0.25 --breakable --pieces 40 --target-error 0.1 {small}",
         f"shear-gouge --strain 10000 --inertial-number 1e-9 {small}",
-        f"compare-shapes --platen-diameter 3 {small}",
+        f"compare-shapes --platen-roughness 3 {small}",
         "energy-conservation --corner-radius 0.3 --gap 0.2 --order-grains 16",
         "shape-roughness --strain 0.5",
         "accuracy-cost --gas-grains 17 --long-strain 1",
@@ -221,4 +223,4 @@ def test_bounds_are_found():
     assert bounds(fields["strain"].metadata)[0][0] == math.nextafter(0.0, 1.0)
     patches, beyond = values_of(WORKFLOWS["accuracy-cost"].Params.model_fields["patches"])
     assert {"12", "1200"} <= set(patches) and {"11", "1201"} <= set(beyond)
-    assert list(itertools.islice(values_of(fields["shape"])[0], 2)) == ["sphere", "angular"]
+    assert list(itertools.islice(values_of(fields["shape"])[0], 2)) == ["round", "angular"]

@@ -21,7 +21,7 @@ def test_every_wrong_value_is_reported():
         merge(shear_gouge.Params, options=wrong)
     text = "\n".join(caught.value.problems)
     assert "--normal-stress -5e6: must be a number, from 0.001 to 1e+12." in text
-    assert "--shape anglar: must be one of sphere, angular. Did you mean angular?" in text
+    assert "--shape anglar: must be one of round, angular. Did you mean angular?" in text
     assert "--grains many" in text and "--strain 0" in text
 
 
@@ -34,7 +34,7 @@ def test_every_wrong_value_is_reported():
         ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "--stiffness-number"),
         ({"shape": "sphere", "breakable": True}, "--breakable needs --shape angular --dim 2"),
         ({"shape": "angular", "dim": 3, "breakable": True}, "not --shape angular --dim 3"),
-        ({"dim": 3, "platen_diameter": 1.5}, "--platen-diameter 1.5 must be <= 1 in 3D"),
+        ({"dim": 3, "platen_roughness": 1.5}, "--platen-roughness 1.5 must be <= 1 in 3D"),
         ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error is for layers of whole grains"),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
     ],
@@ -42,6 +42,11 @@ def test_every_wrong_value_is_reported():
 def test_values_that_contradict_each_other_are_refused(values, words):
     with pytest.raises(ValidationError, match=words):
         shear_gouge.Params(**values)
+
+
+@pytest.mark.parametrize("name", ["round", "disc", "sphere"])
+def test_discs_and_spheres_are_round(name):
+    assert shear_gouge.Params(shape=name).shape == "round"
 
 
 def test_contradictions_are_reported_together():
@@ -129,7 +134,7 @@ def test_the_files_tell_how_they_were_made(sheared, shape):
     grains = {"sphere": "discs", "angular": "angular grains"}[shape]
     assert dataset.title == f"Shear of a layer of {grains} in 2D"
     assert float(dataset.stiffness_number) == pytest.approx(1000.0) and float(dataset.particle_friction) == 0.5
-    assert dataset["run"] == folder.name and dataset["shape"] == shape and int(dataset.seed) == params.seed
+    assert dataset["run"] == folder.name and dataset["shape"] == params.shape and int(dataset.seed) == params.seed
     assert np.isnan(dataset.width) and np.isnan(dataset.corner_radius) == (shape == "sphere")
     acted = {(row.effect, row.name): row.value for row in lsm.read_effects(dataset)}
     assert acted["coulomb_friction", "coefficient"] == 0.5 and acted["viscous_damping", "restitution"] == 0.5

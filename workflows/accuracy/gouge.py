@@ -27,7 +27,7 @@ PARAMETERS = {  # settings; the last one is the reference, the most accurate or,
     "layer_thickness": (8.0, 12.0, 18.0, 27.0),
     "length": (8.0, 14.0, 21.0, 30.0),
     "step_safety": (0.8, 0.4, 0.2, 0.1),
-    "platen_diameter": (0.5, 2.0, 1.4, 1.0),
+    "platen_roughness": (0.5, 2.0, 1.4, 1.0),
 }
 WINDOWS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # strains over which friction is averaged
 Series = list[tuple[NDArray, NDArray]]  # strain and friction of the rows of several runs

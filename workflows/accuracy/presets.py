@@ -14,7 +14,7 @@ TARGETS = (0.03, 0.02, 0.01, 0.007)
 def preset_rows() -> Iterator[tuple[str, str, float, float, float]]:
     """(preset, shape, strain, half-width of the 95 % interval, seconds) of one run of each preset in 2D."""
     for preset in shear_gouge.Params.presets:
-        for shape in ("sphere", "angular"):
+        for shape in ("round", "angular"):
             params = merge(shear_gouge.Params, preset, options={"shape": shape})
             yield preset, shape, params.strain, *target_error.expected(params)
 
@@ -22,7 +22,7 @@ def preset_rows() -> Iterator[tuple[str, str, float, float, float]]:
 def target_rows() -> Iterator[tuple[float, str, float, float, int, float]]:
     """(target error, shape, step, strain, seeds, seconds) of the plans for the standard layer in 2D."""
     for target in TARGETS:
-        for shape in ("sphere", "angular"):
+        for shape in ("round", "angular"):
             plan = target_error.plan(shear_gouge.Params(shape=shape), target)
             yield target, shape, plan.step_safety, plan.strain, plan.seeds, plan.expected_seconds
 

@@ -61,7 +61,7 @@ def least_cell(params: Params, across: float, what: str) -> None:
             raise lsm.InputError(
                 f"{option} {length / d:g} mean diameters: must be >= {2.0 * across / d:.3g}, twice the largest of the "
                 f"{what}, which are up to {across / d:.3g} across; raise it, or lower "
-                + (f"--platen-diameter {params.platen_diameter:g} or " if "platen" in what else "")
+                + (f"--platen-roughness {params.platen_roughness:g} or " if "platen" in what else "")
                 + f"--largest-diameter {params.largest_diameter:g} m"
             )
 

@@ -38,7 +38,7 @@ def check(params: Params) -> None:
     p = params
     check_idle(p)
     _check_count(p)
-    least_cell(p, p.platen_diameter * p.largest_diameter, "grains of the platens")
+    least_cell(p, p.platen_roughness * p.largest_diameter, "grains of the platens")
     least_cell(p, p.largest_diameter, "grains")
     _check_effects(p)
 
@@ -64,7 +64,7 @@ def _check_effects(p: Params) -> None:
 @functools.cache
 def _stand_in(shape: str, dim: int) -> GrainShape:
     """A grain with surfaces of the kind that layers of this `shape` have; made in less than a second."""
-    if shape == "sphere":
+    if shape == "round":
         return lsm.disc() if dim == 2 else lsm.sphere()
     if dim == 2:
         return lsm.shapes.from_polygon([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], 0.1)
@@ -81,9 +81,9 @@ def mobile_count(params: Params) -> int:
 
 def _check_count(p: Params) -> None:
     """Refuse layers of more grains, mobile and glued, than a process can hold."""
-    least = p.platen_diameter * p.smallest_diameter
+    least = p.platen_roughness * p.smallest_diameter
     # In 3D the columns of a platen lie closer where sizes differ much, so that none passes: see rough_platen.
-    pitch = least if p.dim == 2 else min(1.3 * least, 0.9 * p.platen_diameter * p.diameter)
+    pitch = least if p.dim == 2 else min(1.3 * least, 0.9 * p.platen_roughness * p.diameter)
     glued = 2.0 * float(np.prod([length / pitch + 1.0 for length in p.layer[1]]))
     mobile = mobile_count(p) * (p.pieces if p.breakable else 1)
     if mobile + glued > MOST_GRAINS:
@@ -113,7 +113,7 @@ def build(params: Params) -> lsm.Scene:
     make = breakable_grains if p.breakable else loose_grains
     shapes, shape_index, loose, sizes, angles, top, bonds = make(p, rng, mobile_count(p), lengths, [one])
 
-    smallest, largest = p.platen_diameter * p.smallest_diameter, p.platen_diameter * p.largest_diameter
+    smallest, largest = p.platen_roughness * p.smallest_diameter, p.platen_roughness * p.largest_diameter
     platens = [lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2)]
     (low, low_size), (high, high_size) = platens
     low[:, 1] -= (low[:, 1] + 0.5 * low_size).max()

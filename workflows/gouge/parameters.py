@@ -1,10 +1,10 @@
 """Parameters of a sheared layer of gouge, and the rules between them."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 import taichi_lsm as lsm
 from workflows.common.parameters import Params as BaseParams
@@ -25,13 +25,15 @@ REPLACED = {  # parameters of the default effects, by the role of an effect that
 }
 
 
+ROUND = ("disc", "discs", "sphere", "spheres")  # other names of round grains, in either dimension
+Shape = Annotated[Literal["round", "angular"], BeforeValidator(lambda name: "round" if name in ROUND else name)]
+
+
 class Params(BaseParams):
     """One shear experiment on a layer of gouge."""
 
     dim: int = Field(default=2, ge=2, le=3, description="dimension of space [1]")
-    shape: Literal["sphere", "angular"] = Field(
-        default="sphere", description="grain shape: discs or spheres, or angular"
-    )
+    shape: Shape = Field(default="round", description="grain shape: discs or spheres, also called so, or angular")
     smallest_diameter: float = Field(default=105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
     largest_diameter: float = Field(default=149e-6, ge=1e-9, le=1e3, description="greatest equivalent diameter [m]")
     density: float = Field(default=2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
@@ -58,7 +60,7 @@ class Params(BaseParams):
         default=1000.0, ge=100, le=1e9, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]"
     )
     inertial_number: float = Field(default=1e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
-    platen_diameter: float = Field(
+    platen_roughness: float = Field(
         default=1.0,
         ge=0.3,
         le=3.0,
@@ -121,8 +123,8 @@ class Params(BaseParams):
             yield f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left"
         if self.breakable and (self.shape != "angular" or self.dim != 2):
             yield f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}"
-        if self.dim == 3 and self.platen_diameter > 1.0:
-            yield f"--platen-diameter {self.platen_diameter:g} must be <= 1 in 3D: mobile grains would pass"
+        if self.dim == 3 and self.platen_roughness > 1.0:
+            yield f"--platen-roughness {self.platen_roughness:g} must be <= 1 in 3D: mobile grains would pass"
         least = self.least_stiffness_number
         if self.shape == "angular" and self.stiffness_number < least and not self.effects:
             yield (

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import taichi_lsm as lsm
-from workflows.gouge.labels import friction_words
+from workflows.gouge.labels import ROUND, friction_words
 from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
 
 BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
-COLOUR = {"sphere": BLUE, "angular": ORANGE}
+COLOUR = {"round": BLUE, "angular": ORANGE}
 SMOOTH_STRAIN = 0.05  # width of the running mean of curves
 SINGLE_BELOW = 0.3  # rows by which single runs are drawn below their mean
 STYLE: dict[Any, Any] = {
@@ -88,6 +88,7 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
     """Draw friction.png from compare.nc and the files of the complete runs it names; returns its path."""
     out = Path(out)
     table = lsm.open_run(out / "compare.nc")
+    dim = int(table.dim[0])
     folders = {
         shape: [out / path for path in table.path.values[(table["shape"] == shape) & (table.status == "complete")]]
         for shape in COLOUR
@@ -97,16 +98,18 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
         upper, lower = np.array(figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03), dtype=object)
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
-        _draw_comparison(curves, series, found)
-        _draw_published(published, found, {shape: _complete(table, shape).friction_mean.values for shape in series})
-        figure.set_label("; ".join(f"{_name(shape)}: {estimate_text(e)}" for shape, e in found.items()))
+        _draw_comparison(curves, series, found, dim)
+        _draw_published(
+            published, found, dim, {shape: _complete(table, shape).friction_mean.values for shape in series}
+        )
+        figure.set_label("; ".join(f"{_name(shape, dim)}: {estimate_text(e)}" for shape, e in found.items()))
         drawn, layers = None, lower.subplots(1, 2)
         for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
-            axes.set_title(f"({letter}) no complete run of {_name(shape)}")
+            axes.set_title(f"({letter}) no complete run of {_name(shape, dim)}")
             if shape in series:
                 last = float(series[shape][0].shear_strain[-1])
                 drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc"))
-                axes.set_title(f"({letter}) layer of {_name(shape)} at strain {last:.2g}", color=COLOUR[shape])
+                axes.set_title(f"({letter}) layer of {_name(shape, dim)} at strain {last:.2g}", color=COLOUR[shape])
         if drawn:
             limits = [axes.get_ylim() for axes, shape in zip(layers, COLOUR, strict=True) if shape in series]
             for axes in layers:
@@ -150,8 +153,8 @@ def _draw_mean(axes, since, last, estimate, **line):
         axes.fill_between([since, last], *estimate.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
 
 
-def _name(shape):
-    return {"sphere": "discs", "angular": "angular grains"}[shape]
+def _name(shape, dim):
+    return ROUND[dim] if shape == "round" else "angular grains"
 
 
 def _wrapped(text, width=130):
@@ -179,7 +182,7 @@ def _smooth(strain, values):
     return running_mean(values, round(SMOOTH_STRAIN / step) if step > 0 else 1)
 
 
-def _draw_comparison(axes, series, found):
+def _draw_comparison(axes, series, found, dim):
     """Friction against strain: a line for the mean over the runs of a shape, a band from the least to the greatest."""
     top, last, since = 0.5, 0.0, 0.0
     for shape, runs in series.items():
@@ -189,7 +192,7 @@ def _draw_comparison(axes, series, found):
         curves = [np.interp(strain, s.shear_strain, _smooth(s.shear_strain.values, s.friction.values)) for s in sheared]
         since, estimate = _params(runs[0]).steady_from, found[shape]
         axes.fill_between(strain, np.min(curves, axis=0), np.max(curves, axis=0), color=COLOUR[shape], alpha=0.22, lw=0)
-        label = f"{_name(shape)}: {estimate_text(estimate)} ({len(runs)} run{'s' * (len(runs) > 1)})"
+        label = f"{_name(shape, dim)}: {estimate_text(estimate)} ({len(runs)} run{'s' * (len(runs) > 1)})"
         axes.plot(strain, np.mean(curves, axis=0), color=COLOUR[shape], lw=1.4, label=label)
         _draw_mean(axes, since, strain[-1], estimate, lw=1.1)
         top, last = max(top, np.max(curves)), max(last, strain[-1])
@@ -219,19 +222,19 @@ def published_rows() -> list[tuple]:
         label = f"{what} {r['dimension']}D, {r['source']}"
         rows.setdefault((r["dimension"], label, r["kind"], still), []).append(r["mu"])
     return [
-        (d, float(np.mean(mu)), label, kind, "angular" if "angular" in label else "sphere", still, mu)
+        (d, float(np.mean(mu)), label, kind, "angular" if "angular" in label else "round", still, mu)
         for (d, label, kind, still), mu in rows.items()
     ]
 
 
-def _draw_published(axes, found, singles):
+def _draw_published(axes, found, dim, singles):
     """Steady friction of this run, with its 95 % interval and the means of the single runs, beside published values.
 
     Rows are sorted by dimension, then by friction.
     """
     rows = published_rows()
     rows += [
-        (2, e.mean, f"{_name(s).removesuffix(' grains')} 2D, this run", "this run", s, False, e)
+        (dim, e.mean, f"{_name(s, dim).removesuffix(' grains')} {dim}D, this run", "this run", s, False, e)
         for s, e in found.items()
     ]
     rows.sort(key=lambda row: row[:3], reverse=True)

@@ -21,7 +21,7 @@ DEFAULTS = {  # curve that a quantity is judged by, and its default; None: the s
 }
 OWN = ("friction", "statistical error of friction")  # quantities whose parameters are each judged by themselves
 QUANTITIES = (*DEFAULTS, *OWN)
-NO_AXIS = "platen_diameter"  # no roughness of the walls is the most accurate one
+NO_AXIS = "platen_roughness"  # no roughness of the walls is the most accurate one
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
 FREE = 1.05  # times as long: a smaller factor is lost in the noise
 FARTHEST = 1e5  # times as long, at the border of the picture

@@ -16,7 +16,7 @@ NAMES = {
     "onset_verlet": "Verlet with onset correction",
     "forest_ruth": "Forest-Ruth, 4th order",
 }
-WORDS = {"step_safety": "time step", "platen_diameter": "roughness of the walls"}
+WORDS = {"step_safety": "time step", "platen_roughness": "roughness of the walls"}
 PANELS = (  # title, quantities
     ("One collision of two discs", ("energy after a collision",)),
     ("Gas of 225 grains of 30 arcs", ("energy drift of a gas",)),
@@ -33,7 +33,7 @@ LABELS = {
     "friction": "mean friction, deviation",
     "statistical error of friction": "mean friction, statistical error",
 }
-SHAPES = {"sphere": "discs", "angular": "angular grains"}
+SHAPES = {"round": "discs", "angular": "angular grains"}
 WRITTEN = ("shape error", "motion after an impact of ellipses", "friction")  # panels whose points bear their settings
 LEAST_SPAN = 3.0  # of the axis of times, last over first
 STEEPEST = 10.0  # power of the time that is written; beyond, the time hardly changes
