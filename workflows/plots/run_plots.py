@@ -67,7 +67,7 @@ def plot_run(out: str | os.PathLike[str]) -> Path:
         figure.colorbar(drawn, ax=packing, extend="both").set_label(BAR, fontsize=8.8)
         _draw_thickness(thickness, sheared, COLOUR[params.shape])
         _draw_energy(energy, sheared)
-        figure.suptitle(_wrapped(_conditions(params, sheared)))
+        figure.suptitle(wrapped(_conditions(params, sheared)))
     return out / "run.png"
 
 
@@ -80,7 +80,7 @@ def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError) -> Pat
         drawn = draw_packing(axes, snapshot, marked=error.grains)
         figure.colorbar(drawn, ax=axes, extend="both").set_label(BAR, fontsize=8.8)
         axes.set_title("last snapshot, the grains at fault edged in red" if error.grains else "last snapshot")
-        figure.suptitle(_wrapped(str(error), 95))
+        figure.suptitle(wrapped(str(error), 95))
     return out / "stopped.png"
 
 
@@ -102,21 +102,21 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
         _draw_published(
             published, found, dim, {shape: _complete(table, shape).friction_mean.values for shape in series}
         )
-        figure.set_label("; ".join(f"{_name(shape, dim)}: {estimate_text(e)}" for shape, e in found.items()))
+        figure.set_label("; ".join(f"{name_of(shape, dim)}: {estimate_text(e)}" for shape, e in found.items()))
         drawn, layers = None, lower.subplots(1, 2)
         for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
-            axes.set_title(f"({letter}) no complete run of {_name(shape, dim)}")
+            axes.set_title(f"({letter}) no complete run of {name_of(shape, dim)}")
             if shape in series:
                 last = float(series[shape][0].shear_strain[-1])
                 drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc"))
-                axes.set_title(f"({letter}) layer of {_name(shape, dim)} at strain {last:.2g}", color=COLOUR[shape])
+                axes.set_title(f"({letter}) layer of {name_of(shape, dim)} at strain {last:.2g}", color=COLOUR[shape])
         if drawn:
             limits = [axes.get_ylim() for axes, shape in zip(layers, COLOUR, strict=True) if shape in series]
             for axes in layers:
                 axes.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
             lower.colorbar(drawn, ax=layers, extend="both", aspect=30).set_label(BAR)
             one = next(iter(series.values()))[0]
-            figure.suptitle(_wrapped(_conditions(_params(one), _sheared(one))))
+            figure.suptitle(wrapped(_conditions(_params(one), _sheared(one))))
     return out / "friction.png"
 
 
@@ -153,13 +153,15 @@ def _draw_mean(axes, since, last, estimate, **line):
         axes.fill_between([since, last], *estimate.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
 
 
-def _name(shape, dim):
+def name_of(shape: str, dim: int) -> str:
+    """Grains of a shape, by its option, in words."""
     return ROUND[dim] if shape == "round" else "angular grains"
 
 
-def _wrapped(text, width=130):
-    """A title in lines that the figure has space for."""
-    return "\n".join(textwrap.wrap(text, width))
+def wrapped(text: str, width: int = 130) -> str:
+    """A title in lines that the figure has space for, of about equal length."""
+    lines = -(-len(text) // width)
+    return "\n".join(textwrap.wrap(text, min(width, len(text) // lines + 15)))
 
 
 def _conditions(params, sheared):
@@ -192,7 +194,7 @@ def _draw_comparison(axes, series, found, dim):
         curves = [np.interp(strain, s.shear_strain, _smooth(s.shear_strain.values, s.friction.values)) for s in sheared]
         since, estimate = _params(runs[0]).steady_from, found[shape]
         axes.fill_between(strain, np.min(curves, axis=0), np.max(curves, axis=0), color=COLOUR[shape], alpha=0.22, lw=0)
-        label = f"{_name(shape, dim)}: {estimate_text(estimate)} ({len(runs)} run{'s' * (len(runs) > 1)})"
+        label = f"{name_of(shape, dim)}: {estimate_text(estimate)} ({len(runs)} run{'s' * (len(runs) > 1)})"
         axes.plot(strain, np.mean(curves, axis=0), color=COLOUR[shape], lw=1.4, label=label)
         _draw_mean(axes, since, strain[-1], estimate, lw=1.1)
         top, last = max(top, np.max(curves)), max(last, strain[-1])
@@ -234,7 +236,7 @@ def _draw_published(axes, found, dim, singles):
     """
     rows = published_rows()
     rows += [
-        (dim, e.mean, f"{_name(s, dim).removesuffix(' grains')} {dim}D, this run", "this run", s, False, e)
+        (dim, e.mean, f"{name_of(s, dim).removesuffix(' grains')} {dim}D, this run", "this run", s, False, e)
         for s, e in found.items()
     ]
     rows.sort(key=lambda row: row[:3], reverse=True)

@@ -70,6 +70,19 @@ def test_running_mean():
     assert run_plots.running_mean(np.arange(3.0), 10).shape == (3,)
 
 
+def test_a_long_title_is_cut_into_lines_of_about_equal_length():
+    text = "normal stress 5 MPa, " * 7 + "stiffness number 1000"
+    lines = run_plots.wrapped(text).split("\n")
+    assert " ".join(lines) == text and len(lines) == 2
+    assert max(map(len, lines)) <= 130 and min(map(len, lines)) > 0.5 * max(map(len, lines))
+    assert run_plots.wrapped("short") == "short"
+
+
+@pytest.mark.parametrize(("shape", "dim", "words"), [("round", 2, "discs"), ("round", 3, "spheres")])
+def test_round_grains_are_named_by_their_dimension(shape, dim, words):
+    assert run_plots.name_of(shape, dim) == words and run_plots.name_of("angular", dim) == "angular grains"
+
+
 def test_only_checked_references_are_drawn():
     rows = run_plots.published_rows()
     assert sum(len(row[-1]) for row in rows) == sum(r["note"] != "unchecked" for r in lsm.published_friction())
