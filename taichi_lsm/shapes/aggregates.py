@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arc_chain import ArcChain
-from .base import counted
+from .base import Balls, counted
 from .input_checks import Seed, check_at_least, check_corner_radius
 from .voronoi_grains import fitted_grain
 from .voronoi_tiles import voronoi_tiles
@@ -46,6 +46,17 @@ class Aggregate:
             counted(len(rows), noun, f"{noun}s") for rows, noun in ((self.shapes, "piece"), (self.pairs, "pair"))
         )
         return f"Aggregate({pieces}, {pairs}, reach {self.reach:.3g})"
+
+    def spanning_balls(self) -> Balls:
+        """Balls that span all pieces, see `GrainShape.spanning_balls` [diameter of the aggregate]."""
+        pieces = [
+            (place + size * centre, size * radius)
+            for place, size, (centre, radius) in zip(
+                self.position, self.diameter, (shape.spanning_balls() for shape in self.shapes), strict=True
+            )
+        ]
+        centres, radii = zip(*pieces, strict=True)
+        return np.concatenate(centres), np.concatenate(radii)
 
 
 def angular_aggregate(pieces: int, seed: Seed, corner_radius: float, arcs_per_corner: int = 4) -> Aggregate:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
-from .base import WIDTHS, GrainShape, Patches, counted, frozen_array
+from .base import WIDTHS, Balls, GrainShape, Patches, counted, frozen_array
 from .geometry import even_directions
 from .input_checks import check_at_least, check_positive
 
@@ -199,6 +199,15 @@ class BallPolyhedron(GrainShape):
     def _reach_along(self, n: NDArray) -> NDArray:
         """See `GrainShape`."""
         return self.support(n)
+
+    def spanning_balls(self) -> Balls:
+        """See `GrainShape`: a ball at the middle of each face, edge and vertex."""
+        corners = self.corner_normals()
+        middle = [n.mean(axis=0) / np.linalg.norm(n.mean(axis=0)) for n in corners if len(n)]
+        # Whole balls, and faces that a single circle bounds, have no corners: even directions find them.
+        normal = np.array(middle) if len(middle) == len(corners) else even_directions(WIDTHS[3])
+        radius = np.full(len(normal), self.overlap_limit)
+        return self.support_points(normal) - self.overlap_limit * normal, radius
 
     def patches(self) -> Patches:
         """See `GrainShape.patches`: faces, then vertices, each with the least cone about its mean normal."""

@@ -21,6 +21,8 @@ WIDTHS = {2: 180, 3: 500}  # even directions in which the width of a grain is tr
 
 # Centre (patches, dim), radius (patches,), outward unit axis (patches, dim) and half-angle (patches,) [rad].
 Patches = tuple[NDArray, NDArray, NDArray, NDArray]
+# Centre (balls, dim) and radius (balls,) of balls that span a grain.
+Balls = tuple[NDArray, NDArray]
 
 
 class ConvexPart(Protocol):
@@ -164,6 +166,26 @@ class GrainShape:
         own = axis @ n.T >= np.cos(half_angle)[:, None] - 1e-9
         reach = np.where(own, centre @ n.T + radius[:, None], -np.inf).max(axis=0)
         return np.where(own.any(axis=0), reach, np.inf)
+
+    def spanning_balls(self) -> Balls:
+        """Balls whose convex hull is the grain, or nearly: what is quick to compute the distance of grains from.
+
+        Returns
+        -------
+        centre : ndarray, (balls, dim)
+            Centres of the balls [diameter], body frame.
+        radius : ndarray, (balls,)
+            Their radii, all equal to the least radius of curvature [diameter].
+
+        Notes
+        -----
+        A ball of the least radius of curvature touches the surface from inside at any point: here at the middle of
+        every patch. Between them, where patches of large radius bulge, the hull lies below the surface.
+        """
+        centre, radius, axis = (
+            np.concatenate(rows) for rows in zip(*(part.patches()[:3] for part in self.parts), strict=True)
+        )
+        return centre + (radius - self.overlap_limit)[:, None] * axis, np.full(len(radius), self.overlap_limit)
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
         """Balls that hold the parts, in the body frame.

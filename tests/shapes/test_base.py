@@ -94,3 +94,40 @@ def test_half_width_is_that_of_the_thinnest_part():
     assert lsm.shapes.from_chain(box).half_width == pytest.approx(0.5, rel=0.02)
     assert cross.half_width == pytest.approx(cross.parts[0].half_width)
     assert cross.half_width < 0.3 * cross.bounding_radius
+
+
+def test_a_rounded_square_is_spanned_by_balls_at_its_corners():
+    square = lsm.shapes.from_polygon([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], 0.1)
+    centre, radius = square.spanning_balls()
+    assert radius == pytest.approx(square.overlap_limit)
+    for angle in np.linspace(0.0, 2 * np.pi, 37):
+        n = np.array([np.cos(angle), np.sin(angle)])
+        assert (centre @ n + radius).max() == pytest.approx(float(square.support([n])[0]), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "below"),
+    [
+        (lsm.sphere(), 1e-15),
+        (lsm.shapes.ball_polyhedron([(0, 0, 0)], [0.4], 0.1), 1e-12),
+        (lsm.shapes.regular_polyhedron(6), 0.57**2 / 40),  # sagitta c^2/(8 R): half a diagonal of a face, R = 5
+        (lsm.shapes.random_angular_shapes(1, 3)[0], 0.004),
+    ],
+    ids=["sphere", "ball", "cube", "polygon"],
+)
+def test_the_hull_of_the_spanning_balls_lies_inside_the_grain_and_near_its_surface(shape, below):
+    n = np.random.default_rng(0).standard_normal((2000, shape.dim))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    centre, radius = shape.spanning_balls()
+    short = shape.support(n) - (n @ centre.T + radius).max(axis=1)
+    assert short.min() > -1e-9 and short.max() < below
+
+
+def test_the_balls_of_a_breakable_grain_span_all_its_pieces():
+    grain = angular_aggregate(5, 2, 0.05)
+    centre, radius = grain.spanning_balls()
+    assert len(centre) == len(radius) == sum(len(piece.spanning_balls()[1]) for piece in grain.shapes)
+    n = np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0.0, 2 * np.pi, 50)])
+    pieces = [p @ n.T + d * s.support(n) for p, d, s in zip(grain.position, grain.diameter, grain.shapes)]
+    assert (n @ centre.T + radius).max(axis=1) == pytest.approx(np.max(pieces, axis=0), abs=0.004)
+    assert (np.linalg.norm(centre, axis=1) + radius).max() == pytest.approx(grain.reach, abs=0.004)
