@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .core.errors import SimulationError as SimulationError
     from .core.runtime import check_arch as check_arch
     from .core.schema import Variable as Variable
+    from .dense_start import dense_packing as dense_packing
     from .effects.coulomb_friction import CoulombFriction as CoulombFriction
     from .effects.gravity import Gravity as Gravity
     from .effects.linear_elastic import LinearElastic as LinearElastic
@@ -102,6 +103,7 @@ _HOME = {
     "SpringLoadPoint": "boundaries.platen_drives",
     "fragments": "bonds.fragments",
     "grain_diameters": "packing",
+    "dense_packing": "dense_start",
     "loose_packing": "packing",
     "random_rotations": "packing",
     "rough_platen": "packing",
