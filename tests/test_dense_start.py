@@ -94,6 +94,11 @@ def test_a_height_that_is_too_small_is_raised_and_no_other():
     assert gaps(*crowded[:5]).min() > 0 and gaps(*roomy[:5]).min() > 0
 
 
+def test_no_grain_of_a_crowd_is_pushed_through_a_platen():
+    _, index, _, x, _, height, _ = packed("disc", solid=3.0)
+    assert np.all((x[: len(index), 1] >= 0) & (x[: len(index), 1] <= height))
+
+
 def test_the_grains_are_in_no_order():
     _, index, _, x, sizes, height, _ = packed("disc")
     x, sizes = x[: len(index)], sizes[: len(index)]

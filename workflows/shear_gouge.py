@@ -1,7 +1,7 @@
 """Shear a layer of gouge between rough platens at constant normal stress, and measure its friction.
 
-Stages: generate (a loose packing between two platens of glued grains), consolidate (the servo presses the top
-platen down to the normal stress), shear (the top platen moves at a constant velocity).
+Stages: generate (a packing of grains that do not touch, between two platens of glued grains), consolidate (the servo
+presses the top platen down to the normal stress), shear (the top platen moves at a constant velocity).
 """
 
 from __future__ import annotations
@@ -105,7 +105,9 @@ def _record(sim: lsm.Simulation, layer: lsm.ShearedLayer, out: Path, params: Par
     """All stages of the run, with their files; returns grain steps per second of the shear."""
     scene = sim.scene
     title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
-    summary = "Generated loose, consolidated under servo-controlled normal stress, sheared at constant velocity."
+    summary = (
+        f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared at constant velocity."
+    )
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene
     with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed, scalars) as recorder:

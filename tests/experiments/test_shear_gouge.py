@@ -10,7 +10,7 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of
-from workflows.gouge import stages
+from workflows.gouge import initial_grains, stages
 
 SHAPES = ("sphere", "angular")
 
@@ -109,6 +109,27 @@ def test_grains_sets_their_number_and_the_seed_the_packing():
     assert np.sum(one.platen_index < 0) == 50
     assert np.array_equal(one.position, same.position)
     assert not np.array_equal(one.position[:50], other.position[:50])
+
+
+@pytest.mark.parametrize(
+    ("values", "most"), [({"shape": "sphere"}, 1.25), ({"shape": "angular", "breakable": True, "pieces": 3}, 1.5)]
+)
+def test_a_layer_starts_dense_or_loose_with_the_same_grains(values, most, monkeypatch):
+    monkeypatch.setattr(initial_grains, "AGGREGATES", 2)
+    height, sizes = {}, []
+    for start in ("dense", "loose"):
+        params = shear_gouge.Params(layer_thickness=8, length=10, start=start, **values)
+        scene = shear_gouge.build(params)
+        glued = [scene.platen_index == platen for platen in (0, 1)]
+        low, high = (
+            np.mean(scene.position[own, 1] + side * 0.5 * scene.diameter[own]) for own, side in zip(glued, (1, -1))
+        )
+        height[start] = (high - low) / params.layer[0]
+        mobile = scene.position[scene.platen_index < 0, 1]
+        assert low - params.diameter < mobile.min() and mobile.max() < high + params.diameter
+        sizes.append(scene.diameter)
+    assert np.array_equal(*sizes)
+    assert 0.95 < height["dense"] < most < 1.6 < height["loose"]  # of the thickness after consolidation
 
 
 @pytest.mark.parametrize("shape", SHAPES)

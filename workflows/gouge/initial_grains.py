@@ -1,6 +1,5 @@
-"""The mobile grains of a gouge layer before consolidation: loose, whole or breakable."""
+"""The mobile grains of a gouge layer before consolidation: dense or loose, whole or breakable."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,12 +12,17 @@ from workflows.gouge.parameters import Params
 if TYPE_CHECKING:
     from taichi_lsm.shapes import GrainShape
 
+    Spheres = tuple[NDArray, NDArray]  # centres (m, dim) and diameters (m,) [m] of the grains of a platen
+    Platens = tuple[Spheres, Spheres]  # the lower and the upper one
+
 AGGREGATES = 24  # different breakable grains in a layer, at most
 SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
+# Solid fraction, by dimension and shape, at which the search for a dense start begins: about the densest it finds.
+DENSEST = {2: {"round": 0.80, "angular": 0.71}, 3: {"round": 0.60, "angular": 0.47}}
 
 
 class MobileGrains(NamedTuple):
-    """Mobile grains of a loose layer, n of them or of their pieces.
+    """Mobile grains between two platens, n of them or of their pieces.
 
     Attributes
     ----------
@@ -32,8 +36,8 @@ class MobileGrains(NamedTuple):
         Equivalent diameters (n,) [m].
     rotation
         Angles (n,) [rad] in 2D, unit quaternions (n, 4) in 3D.
-    top
-        Upper border [m] that no grain crosses.
+    platen_heights
+        Heights [m] by which the lower and the upper platen are raised from where they were given.
     bonds
         Pairs (m, 2) of bonded pieces; None of whole grains.
     """
@@ -43,7 +47,7 @@ class MobileGrains(NamedTuple):
     position: NDArray
     diameter: NDArray
     rotation: NDArray
-    top: float
+    platen_heights: tuple[float, float]
     bonds: NDArray | None
 
 
@@ -66,17 +70,17 @@ def least_cell(params: Params, across: float, what: str) -> None:
             )
 
 
-def loose_grains(
-    params: Params, rng: np.random.Generator, count: int, lengths: Sequence[float], shapes: "list[GrainShape]"
+def whole_grains(
+    params: Params, rng: np.random.Generator, count: int, platens: "Platens", shapes: "list[GrainShape]"
 ) -> MobileGrains:
-    """Whole grains in a loose packing, without bonds.
+    """Whole grains between the platens, without bonds.
 
     Parameters
     ----------
     params, rng, count
         Parameters of the layer; its random numbers; number of grains.
-    lengths
-        Periodic lengths of the cell [m].
+    platens
+        Centres and diameters [m] of the grains of the lower and of the upper platen.
     shapes
         Shapes that come first in the table; discs and spheres use the first of them.
     """
@@ -87,17 +91,17 @@ def loose_grains(
             shapes = shapes + angular(min(count, SHAPES[p.dim]), p.seed, p.corner_radius)
     diameter = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     shape_index = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
-    reach = np.array([s.bounding_radius for s in shapes])[shape_index] * diameter
-    least_cell(p, 2.0 * float(reach.max()), "grains")
-    loose = lsm.loose_packing(rng, reach, lengths, p.dim)
     rotation = lsm.random_rotations(rng, count, p.dim)
-    return MobileGrains(shapes, shape_index, loose, diameter, rotation, (loose[:, 1] + reach).max(), None)
+    reach = np.array([s.bounding_radius for s in shapes])[shape_index] * diameter
+    hulls = Hulls([s.spanning_balls() for s in shapes], shape_index, diameter, rotation, reach)
+    position, heights = _between(p, rng, hulls, platens)
+    return MobileGrains(shapes, shape_index, position, diameter, rotation, heights, None)
 
 
 def breakable_grains(
-    params: Params, rng: np.random.Generator, count: int, lengths: Sequence[float], shapes: "list[GrainShape]"
+    params: Params, rng: np.random.Generator, count: int, platens: "Platens", shapes: "list[GrainShape]"
 ) -> MobileGrains:
-    """As `loose_grains`, but pieces of `count` breakable grains (2D), with the bonds between them."""
+    """As `whole_grains`, but pieces of `count` breakable grains (2D), with the bonds between them."""
     p = params
     with in_terms_of(
         f"--pieces {p.pieces}, --corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"
@@ -106,20 +110,54 @@ def breakable_grains(
         whole = [lsm.shapes.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius) for i in range(kinds)]
     size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     kind = rng.integers(0, len(whole), count)
-    reach = np.array([grain.reach for grain in whole])[kind] * size
-    least_cell(p, 2.0 * float(reach.max()), "grains")
-    middle = lsm.loose_packing(rng, reach, lengths, p.dim)
     angle = lsm.random_rotations(rng, count, p.dim)
+    reach = np.array([grain.reach for grain in whole])[kind] * size
+    hulls = Hulls([grain.spanning_balls() for grain in whole], kind, size, angle, reach)
+    middle, heights = _between(p, rng, hulls, platens)
     c, s = np.cos(angle), np.sin(angle)
     rotate = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
     arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
-    loose = middle[:, None] + np.einsum("nab,npb->npa", rotate, arms)
+    position = middle[:, None] + np.einsum("nab,npb->npa", rotate, arms)
     diameter = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
     shape_index = len(shapes) + kind[:, None] * p.pieces + np.arange(p.pieces)
     bonds = np.concatenate([whole[k].pairs + i * p.pieces for i, k in enumerate(kind)])
     shapes = shapes + [piece for grain in whole for piece in grain.shapes]
-    rotation, top = np.repeat(angle, p.pieces), (middle[:, 1] + reach).max()
-    return MobileGrains(shapes, shape_index.ravel(), loose.reshape(-1, 2), diameter.ravel(), rotation, top, bonds)
+    rotation = np.repeat(angle, p.pieces)
+    return MobileGrains(
+        shapes, shape_index.ravel(), position.reshape(-1, 2), diameter.ravel(), rotation, heights, bonds
+    )
+
+
+class Hulls(NamedTuple):
+    """Outlines of grains before they have a place: arguments of `lsm.dense_packing`, and bounding radii (n,) [m]."""
+
+    balls: list[tuple[NDArray, NDArray]]
+    kind: NDArray
+    diameter: NDArray
+    rotation: NDArray
+    reach: NDArray
+
+
+def _between(
+    params: Params, rng: np.random.Generator, hulls: Hulls, platens: "Platens"
+) -> tuple[NDArray, tuple[float, float]]:
+    """Places of grains (n, dim) [m] without overlap, and the heights [m] of the platens below and above them."""
+    p, lengths = params, params.layer[1]
+    least_cell(p, 2.0 * float(hulls.reach.max()), "grains")
+    (low, low_size), (high, high_size) = platens
+    if p.start == "loose":
+        place = lsm.loose_packing(rng, hulls.reach, lengths, p.dim)
+        top = (place[:, 1] + hulls.reach).max()
+        return place, (-(low[:, 1] + 0.5 * low_size).max(), top - (high[:, 1] - 0.5 * high_size).min())
+    # Grains reach into the valleys of the platens, so heights count from the mean of the innermost points.
+    floor, roof = -(low[:, 1] + 0.5 * low_size).mean(), -(high[:, 1] - 0.5 * high_size).mean()
+    up = np.eye(p.dim)[1]
+    one = lsm.disc() if p.dim == 2 else lsm.sphere()
+    solid = one.measure * float((hulls.diameter**p.dim).sum())
+    height = solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths)))
+    inner = (low + floor * up, low_size), (high + roof * up, high_size)
+    place, raised = lsm.dense_packing(rng, *hulls[:4], lengths, inner, height)
+    return place, (floor, roof + raised)
 
 
 def initial_orientations(rotation: NDArray, glued: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The scene of a layer of gouge before consolidation: bottom platen, loose grains, top platen."""
+"""The scene of a layer of gouge before consolidation: bottom platen, mobile grains, top platen."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.small_scenes import scene_of
-from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, loose_grains
+from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
 from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, Params
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def _check_count(p: Params) -> None:
 
 
 def build(params: Params) -> lsm.Scene:
-    """The scene before consolidation: bottom platen, loose grains, top platen.
+    """The scene before consolidation: bottom platen, mobile grains, top platen.
 
     Raises
     ------
@@ -110,19 +110,18 @@ def build(params: Params) -> lsm.Scene:
     thickness, lengths = p.layer
     area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
     one = lsm.disc() if dim == 2 else lsm.sphere()
-    make = breakable_grains if p.breakable else loose_grains
-    shapes, shape_index, loose, sizes, angles, top, bonds = make(p, rng, mobile_count(p), lengths, [one])
-
     smallest, largest = p.platen_roughness * p.smallest_diameter, p.platen_roughness * p.largest_diameter
-    platens = [lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2)]
-    (low, low_size), (high, high_size) = platens
-    low[:, 1] -= (low[:, 1] + 0.5 * low_size).max()
-    high[:, 1] += top - (high[:, 1] - 0.5 * high_size).min()
-    position = np.concatenate([loose, low, high])
-    glued = np.repeat([0, 1], [len(low), len(high)])
+    low, high = (lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2))
+    make = breakable_grains if p.breakable else whole_grains
+    grains = make(p, rng, mobile_count(p), (low, high), [one])
+    position = np.concatenate([grains.position, low[0], high[0]])
+    first_low, first_high = len(grains.position), len(grains.position) + len(low[0])
+    position[first_low:first_high, 1] += grains.platen_heights[0]
+    position[first_high:, 1] += grains.platen_heights[1]
+    sizes, glued = grains.diameter, np.repeat([0, 1], [len(low[0]), len(high[0])])
 
     unit_mass = p.density * one.measure * (d if dim == 2 else 1.0)
-    layer_mass, glued_mass = unit_mass * (sizes**dim).sum(), unit_mass * (high_size**dim).sum()
+    layer_mass, glued_mass = unit_mass * (sizes**dim).sum(), unit_mass * (high[1] ** dim).sum()
     servo = lsm.ServoStress(
         stress=p.normal_stress,
         outward=1,
@@ -138,11 +137,11 @@ def build(params: Params) -> lsm.Scene:
             dim=dim,
             lengths=(lengths[0], np.inf, *lengths[1:]),
             periodic=(True, False, True)[:dim],
-            shapes=shapes,
-            shape_index=np.concatenate([shape_index, np.zeros(len(glued), int)]),
+            shapes=grains.shapes,
+            shape_index=np.concatenate([grains.shape_index, np.zeros(len(glued), int)]),
             position=position,
-            diameter=np.concatenate([sizes, low_size, high_size]),
-            **initial_orientations(angles, len(glued)),
+            diameter=np.concatenate([sizes, low[1], high[1]]),
+            **initial_orientations(grains.rotation, len(glued)),
             density=p.density,
             platen_index=np.concatenate([np.full(len(sizes), -1), glued]),
             platens=[
@@ -150,7 +149,7 @@ def build(params: Params) -> lsm.Scene:
                 lsm.Platen("top", [shear_drive(p, 0.0, servo.inertia), servo, *still]),
             ],
             effects=effects_of(p),
-            bonds=bonds,
+            bonds=grains.bonds,
             thickness=d,
             area=area,
             safety=p.step_safety,

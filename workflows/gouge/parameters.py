@@ -48,6 +48,10 @@ class Params(BaseParams):
         description="periodic length along the shear; none: 30 in 2D, 20 in 3D [mean diameters]",
     )
     width: float = Field(default=7.0, ge=4, le=1e4, description="periodic width, 3D only [mean diameters]")
+    start: Literal["dense", "loose"] = Field(
+        default="dense",
+        description="how the grains lie before consolidation: packed, or in a tall pile in which none is near another",
+    )
     grains: int | None = Field(
         default=None, ge=20, le=MOST_GRAINS, description="number of mobile grains; none: from thickness and length [1]"
     )
