@@ -142,6 +142,8 @@ def test_a_layer_is_sheared_at_its_normal_stress(sheared, shape):
     assert abs(metrics["normal_stress_error"].value) < 0.05
     assert metrics["inertial_number"].value == pytest.approx(params.inertial_number, rel=0.1)
     assert 0.05 < metrics["friction_mean"].value < 1.0
+    consolidated = metrics["consolidation_share"].value * float(dataset.time[-1]) / params.inertial_time
+    assert 8.0 < consolidated < 40.0  # four checks of two inertial times each; a loose layer takes more than 60
     assert 0.0 < metrics["porosity"].value < 0.4
     assert 1.0 < metrics["coordination_number"].value < 6.0
     assert set(shear_gouge.BOUNDS) <= set(metrics)

@@ -54,6 +54,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "friction_ess": Metric(friction.effective_samples, "1"),
         "platen_friction_mean": Metric(platen.mean, "1"),
         "platen_bulk_difference": Metric(apart, "1"),
+        "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
         "stiffness_number": Metric(float(dataset.stiffness_number), "1"),
         "energy_residual": Metric(float(residual), "1"),
