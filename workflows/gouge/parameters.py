@@ -107,7 +107,14 @@ class Params(BaseParams):
     step_safety: float = Field(default=0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
 
     presets: ClassVar[dict[str, dict]] = {
-        "smoke": {"length": 20.0, "layer_thickness": 12.0, "inertial_number": 5e-3, "strain": 2.0},
+        "smoke": {
+            "length": 20.0,
+            "layer_thickness": 12.0,
+            "width": 4.0,
+            "inertial_number": 5e-3,
+            "strain": 2.0,
+            "step_safety": 0.6,
+        },
         "demo": {"strain": 3.0},
         "standard": {},
         "reference": {"length": 60.0, "inertial_number": 3e-4, "strain": 10.0, "stiffness_number": 1e4},
