@@ -30,8 +30,8 @@ STEP = 0.2  # share of an overlap by which each of the two grains moves in an it
 MOMENTUM = 0.8  # share of the last displacement that is repeated
 PATIENCE = 50  # iterations before the height is raised
 STRETCH = 1.01  # factor of the height
-MOST_STRETCHES = 300  # to a height twenty times the first one
-SKIN = 0.4  # of the least bounding radius; neighbours are listed anew when a grain has moved by half of it
+MOST_STRETCHES = 120  # to more than three times the first height
+SKIN = 0.4  # of the mean bounding radius; neighbours are listed anew when a grain has moved by half of it
 
 Spheres = tuple[NDArray, NDArray]  # centres (m, dim) and diameters (m,) [m] of the grains of a platen
 
@@ -115,7 +115,7 @@ def dense_packing(
     Raises
     ------
     InputError
-        For a height that is not > 0, or if no packing is found at twenty times the height.
+        For a height that is not > 0, or if no packing is found at three times the height.
     """
     check_positive("height", height)
     grains = Hulls(balls, np.asarray(kind), np.asarray(diameter, float), _matrices(np.asarray(rotation, float)))
@@ -156,7 +156,7 @@ class _Layer:
     def __init__(self, grains: Hulls, period: NDArray, radius: NDArray, x: NDArray, top: int, height: float) -> None:
         self.grains, self.period, self.radius, self.x, self.top, self.height = grains, period, radius, x, top, height
         self.n = len(grains.kind)
-        self.skin = SKIN * float(radius.min())
+        self.skin = SKIN * float(radius.mean())
         self.displacement = np.zeros((self.n, x.shape[1]))
         self.listed, self.pairs = np.full_like(x, np.inf), np.zeros((0, 2), int)
 

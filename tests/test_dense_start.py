@@ -95,7 +95,7 @@ def test_a_height_that_is_too_small_is_raised_and_no_other():
 
 
 def test_no_grain_of_a_crowd_is_pushed_through_a_platen():
-    _, index, _, x, _, height, _ = packed("disc", solid=3.0)
+    _, index, _, x, _, height, _ = packed("disc", solid=2.2)
     assert np.all((x[: len(index), 1] >= 0) & (x[: len(index), 1] <= height))
 
 

@@ -154,9 +154,11 @@ def _between(
     up = np.eye(p.dim)[1]
     one = lsm.disc() if p.dim == 2 else lsm.sphere()
     solid = one.measure * float((hulls.diameter**p.dim).sum())
-    height = solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths)))
+    # At least a single layer fits in.
+    height = max(solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths))), 2.0 * float(hulls.reach.max()))
     inner = (low + floor * up, low_size), (high + roof * up, high_size)
-    place, raised = lsm.dense_packing(rng, *hulls[:4], lengths, inner, height)
+    with in_terms_of("--start dense", "give --start loose"):
+        place, raised = lsm.dense_packing(rng, *hulls[:4], lengths, inner, height)
     return place, (floor, roof + raised)
 
 
