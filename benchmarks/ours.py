@@ -75,12 +75,15 @@ def metrics(sim: lsm.Simulation, volume: float) -> dict[str, float]:
 
     volume: that of the scene (area in 2D), by which the trace of the stress sum is divided.
     """
-    sums = sim.measure.sums(low=-1e9, high=1e9)
-    mobile = int((sim.scene.platen_index < 0).sum())
-    kinetic = 2.0 * sums["translational_energy"]  # part of the trace of our stress; LAMMPS gives that of pairs alone
+    sums = sim.measure.sums()
+    mobile = sim.scene.platen_index < 0
+    # What fluctuations carry is part of the trace of our stress; LAMMPS gives that of pairs alone.
+    mass = sim.scene.masses()[0][mobile]
+    momentum = mass @ sim.velocities[mobile]
+    kinetic = 2.0 * sums["translational_energy"] - float(momentum @ momentum) / float(mass.sum())
     return {
-        "contacts_per_grain": sums["contact_ends"] / mobile,
-        "pressure": (float(np.trace(np.asarray(sums["stress"]))) - kinetic) / (sim.scene.dim * volume),
+        "contacts_per_grain": sums["contact_ends"] / int(mobile.sum()),
+        "pressure": (float(np.trace(sums["stress_volume"])) - kinetic) / (sim.scene.dim * volume),
         "translational_energy": sums["translational_energy"],
         "rotational_energy": sums["rotational_energy"],
         "mass": float(sim.scene.masses()[0].sum()),

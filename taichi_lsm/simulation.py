@@ -148,7 +148,7 @@ class Simulation:
         self.stages = StepStages(spec, self.integrator, self.validity, self.platens)
         on_gpu = self.runtime.arch != "cpu"
         self.step_loop = StepLoopGPU(self.stages) if on_gpu else StepLoopCPU(self.stages, self.threads)
-        self.measure = Measure(self.forces, self.integrator)
+        self.measure = Measure(self.forces, self.integrator, scene.thickness)
         self.contact_table = ContactTable(self.forces)
         self._velocities = SynchronisedVelocities(self.integrator)
         self.monitor = Monitor(self, self.monitor)

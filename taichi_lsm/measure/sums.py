@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..contact.pair_storage import ACTING, SLIDING, TOUCHING
+from ..core.allocation import read
+from ..core.errors import InputError
 from ..core.runtime import current, ti
 
 if TYPE_CHECKING:
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from ..stepping.verlet import VelocityVerlet
 
 BLOCK = 64
+ROUNDING = 1e-12  # share of the cell's length by which low + length may round
 EVERYWHERE = 1e300  # [m], a slab without bounds; infinity times a gradient of zero would be no number
 
 
@@ -26,13 +29,16 @@ class Measure:
     lost by each effect; contact_count (contacts with at least one mobile grain); contact_ends (contacts of mobile
     grains, twice for a pair of them); sliding_count; deepest (greatest depth over its overlap limit); bond_count
     (intact ones, in scenes with bonds);
-    stress (dim, dim) [Pa], compression positive, over the slab low <= y < high, by branch vectors cut
-    at the slab, which is the mean over the planes in it; and the kinetic part, relative to the sheared profile.
+    stress (dim, dim) [Pa], compression positive, over the slab low <= y < high and its periodic images, by branch
+    vectors cut at the slab, which is the mean over the planes in it; and the kinetic part, of the fluctuations about
+    the mean velocity of the slab's mass and the given profile. It is not a number where no volume is known; its product
+    with the volume, stress_volume (dim, dim) [J], always is one.
     In a sheared cell velocities are relative to the mean flow, in translational_energy too, and shear_work [J] is what
     shearing has done: its change is -shear_rate sigma_xy V over the time.
     """
 
-    def __init__(self, forces: "ContactForces", integrator: "VelocityVerlet") -> None:
+    def __init__(self, forces: "ContactForces", integrator: "VelocityVerlet", thickness: float = 1.0) -> None:
+        self.thickness = thickness if forces.dim == 2 else 1.0  # [m], of a slab of 2D grains out of the plane
         self.forces, self.integrator, self.spec = forces, integrator, forces.spec
         self.grains, self.pairs, self.dim = forces.grains, forces.pairs, forces.dim
         self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
@@ -47,7 +53,9 @@ class Measure:
         self.names += ["contact_count", "contact_ends", "sliding_count"] + (
             ["bond_count"] if self.spec.bonds > 0 else []
         )
+        self.public = tuple(self.names)
         self.names += [f"stress_{a}{b}" for a in "xyz"[: self.dim] for b in "xyz"[: self.dim]]
+        self.names += ["slab_mass"] + [f"slab_momentum_{a}" for a in "xyz"[: self.dim]]
         self.at = {name: i for i, name in enumerate(self.names)}
         self.width = len(self.names)
         blocks = -(-self.grains.slot_of.shape[0] // BLOCK)
@@ -56,14 +64,36 @@ class Measure:
         self.serial = current().serial
 
     @ti.func
+    def above(self, y, low):
+        """Height [m] of y over the slab's lower border; in a cell periodic in y over that of the image below y."""
+        height = y - low
+        if ti.static(self.forces.domain.periodic[1]):
+            length = self.forces.domain.length[1]
+            height -= length * ti.floor(height / length)
+        return height
+
+    @ti.func
+    def in_slab(self, y, low, high):
+        """1 if y lies in the slab or one of its periodic images, else 0."""
+        height, whole = self.above(y, low), 0
+        if ti.static(self.forces.domain.periodic[1]):
+            whole = high - low >= self.forces.domain.length[1]
+        return whole or (height >= 0.0 and height < high - low)
+
+    @ti.func
     def inside(self, y, reach, low, high):
-        """Share of the segment from y to y + reach that lies in the slab [-]."""
+        """Share of the segment from y to y + reach that lies in the slab or in its periodic images [-]."""
         bottom, top = ti.min(y, y + reach), ti.max(y, y + reach)
-        share = ti.cast(0.0, ti.f64)
+        share = ti.cast(self.in_slab(y, low, high), ti.f64)
         if top > bottom:
-            share = ti.max(0.0, ti.min(top, high) - ti.max(bottom, low)) / (top - bottom)
-        elif bottom >= low and bottom < high:
-            share = 1.0
+            share = ti.max(0.0, ti.min(top, high) - ti.max(bottom, low))
+            if ti.static(self.forces.domain.periodic[1]):
+                # From the image of the slab that begins below the segment to the next, which its upper end may reach.
+                length, start, tall = self.forces.domain.length[1], self.above(bottom, low), high - low
+                end = start + (top - bottom)
+                share = ti.max(0.0, ti.min(end, tall) - start) + ti.max(0.0, ti.min(end - length, tall))
+                share = ti.select(tall < length, share, top - bottom)
+            share /= top - bottom
         return share
 
     @ti.func
@@ -85,10 +115,14 @@ class Measure:
                 total[ti.static(self.at["energy_" + effect.name])] += effect.grain_energy(
                     g.inverse_mass[k], g.position[k]
                 )
-            # Kinetic stress: fluctuations about the mean shear profile of the slab.
-            y = g.position[k][1]
-            if y >= low and y < high:
-                v[0] -= velocity + gradient * (y - low)
+            # Kinetic stress: velocities relative to the profile; `sums` takes off what their mean carries.
+            if self.in_slab(g.position[k][1], low, high):
+                v[0] -= velocity
+                if gradient != 0.0:  # the height has no bounds in a slab without any
+                    v[0] -= gradient * self.above(g.position[k][1], low)
+                total[ti.static(self.at["slab_mass"])] += m
+                for a in ti.static(range(self.dim)):
+                    total[ti.static(self.at["slab_mass"] + 1 + a)] += m * v[a]
                 for a, b in ti.static(ti.ndrange(self.dim, self.dim)):
                     total[ti.static(self.at["stress_xx"] + a * self.dim + b)] += m * v[a] * v[b]
         if ti.static(self.spec.tracks_dissipation):
@@ -204,22 +238,64 @@ class Measure:
         self,
         low: float = -EVERYWHERE,
         high: float = EVERYWHERE,
-        volume: float = 1.0,
+        volume: float | None = None,
         velocity: float = 0.0,
         gradient: float = 0.0,
     ) -> dict[str, Any]:
         """Measure now; see the class docstring.
 
-        Stress is taken over low <= y < high [m], volume [m3], where the mean velocity along x is
-        velocity + gradient (y - low) [m s-1, s-1].
+        Parameters
+        ----------
+        low, high
+            Borders [m] of the slab low <= y < high over which the stress is taken; default: everything.
+        volume
+            Volume [m3] of the slab. Default: that between its borders in the cell; unknown along an open axis.
+        velocity, gradient
+            Profile of the mean velocity along x in the slab: velocity + gradient (y - low) [m s-1, s-1].
+
+        Raises
+        ------
+        InputError
+            For a slab without height or higher than a cell that is periodic in y, or a volume that is not positive.
+
+        Notes
+        -----
+        V sigma = sum over contacts of F (x) branch + sum over grains of m w (x) w - P (x) P/M, with w the velocity
+        relative to the profile, P the sum of m w and M that of m: a motion of all grains together is no stress.
         """
+        self._check(low, high, volume)
         values = np.zeros(self.width + 1)
         self.reduce(low, high, velocity, gradient, values)
-        result = {name: float(values[i]) for name, i in self.at.items() if not name.startswith("stress_")}
-        first = self.at["stress_xx"]
-        stress = values[first : first + self.dim**2].reshape(self.dim, self.dim) / volume
-        result["stress"] = stress
+        result = {name: float(values[self.at[name]]) for name in self.public}
+        first, after = self.at["stress_xx"], self.at["slab_mass"]
+        stress_volume = values[first:after].reshape(self.dim, self.dim)
+        mass, momentum = values[after], values[after + 1 : -1]
+        if mass > 0.0:
+            stress_volume = stress_volume - np.outer(momentum, momentum) / mass
+        result["stress_volume"] = stress_volume
+        result["stress"] = stress_volume / (self.volume(low, high) if volume is None else volume)
         result["deepest"] = float(values[-1])
         result["elastic_energy"] = sum(result[f"energy_{e.name}"] for e in self.stores + self.held)
         result["potential_energy"] = sum(result[f"energy_{e.name}"] for e in self.pulls)
         return result
+
+    def volume(self, low: float = -EVERYWHERE, high: float = EVERYWHERE) -> float:
+        """Volume [m3] of the cell between `low` and `high` [m]; not a number along an open axis."""
+        domain = self.forces.domain
+        lengths = np.where(domain.periodic, read(domain.length), np.nan)
+        if low > -EVERYWHERE and high < EVERYWHERE:
+            lengths[1] = high - low
+        return float(np.prod(lengths)) * self.thickness
+
+    def _check(self, low: float, high: float, volume: float | None) -> None:
+        """Refuse a slab or a volume that gives no stress."""
+        if not low < high:
+            raise InputError(f"Measure.sums: high {high:g} m, must be > low, {low:g} m")
+        if volume is not None and not volume > 0.0:
+            raise InputError(f"Measure.sums: volume {volume:g} m3, must be > 0, or none for that of the cell")
+        length, everything = read(self.forces.domain.length)[1], low == -EVERYWHERE and high == EVERYWHERE
+        if self.forces.domain.periodic[1] and not everything and high - low > length * (1.0 + ROUNDING):
+            raise InputError(
+                f"Measure.sums: high {high:g} m, must be <= {low + length:g} m: the cell is periodic in y with a "
+                f"length of {length:g} m, and a higher slab would count grains twice; leave low and high out for all"
+            )
