@@ -56,7 +56,7 @@ def test_commands_exist(page):
         assert words[0] in {*found, "list", "info"}, match[0]
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
         known = {"out", "config", "preset", "overwrite", "quiet", "strict", "help"}
-        known |= {"effects"} if words[0] == "list" else set()
+        known |= {"effects", "presets"} if words[0] == "list" else set()
         if words[0] in found:
             known |= set(found[words[0]].Params.model_fields)
         assert options <= known, match[0]

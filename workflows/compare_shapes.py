@@ -21,6 +21,7 @@ from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import check_idle, derived
+from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots import run_plots
@@ -128,6 +129,11 @@ def check(params: Params) -> None:
     for of_run in build(params).values():
         if of_run.seed == params.seed:  # no check depends on the seed
             shear_gouge.check(of_run)
+
+
+def estimate(params: Params) -> RunCost:
+    """Expected steps, time and memory of all runs."""
+    return of_replicas([shear_gouge.estimate(of_run) for of_run in build(params).values()], params.at_a_time)
 
 
 def build(params: Params) -> dict[str, shear_gouge.Params]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
+from workflows.cli import signals
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
@@ -92,12 +93,12 @@ class Params(BaseParams):
     samples: int = Field(default=250, ge=10, le=1_000_000, description="energies recorded per run [1]")
 
     presets: ClassVar[dict[str, dict]] = {
-        "smoke": {
+        "smoke": {  # as many grains for the order: one simulation of each scheme compiles for both
             "grains": 100,
             "steps": 1000,
             "long_steps": 2000,
             "order_seeds": 2,
-            "order_grains": 49,
+            "order_grains": 100,
             "samples": 50,
         },
         "demo": {"order_seeds": 4, "order_grains": 100, "samples": 100},
@@ -278,22 +279,30 @@ def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
     return rows, series[0]
 
 
-def measure(params: Params, progress: Progress | None = None) -> tuple[Rows, dict[str, Series]]:
+def measure(
+    params: Params, progress: Progress | None = None
+) -> tuple[Rows, dict[str, Series], signals.Interrupted | None]:
     """Make all runs of the experiment, two schemes at a time, each in a process of its own.
 
-    Returns (rows, series): rows, a list of dicts with scheme, purpose (drift | long | order | plateau), grains, seed,
-    steps_per_contact, steps, drift, shadow_drift; series, the energies of the first run of each scheme.
+    Returns (rows, series, stop): rows, a list of dicts with scheme, purpose (drift | long | order | plateau), grains,
+    seed, steps_per_contact, steps, drift, shadow_drift; series, the energies of the first run of each scheme; stop, the
+    signal that came before all schemes were done, or None.
     """
     rows, series = [], {}
-    with fresh_processes(2) as pool:
-        schemes = [*SCHEMES, *CONES] if params.dim == 2 else list(SCHEMES)
-        waiting = {scheme: pool.submit(measure_scheme, params, scheme) for scheme in schemes}
-        for scheme, future in waiting.items():
-            own, series[scheme] = future.result()
-            rows += own
+    schemes = [*SCHEMES, *CONES] if params.dim == 2 else list(SCHEMES)
+    try:
+        with fresh_processes(2) as pool:
+            waiting = {scheme: pool.submit(measure_scheme, params, scheme) for scheme in schemes}
             if progress:
-                progress({"label": scheme, "state": f"{len(own)} runs done"})
-    return rows, series
+                progress({"state": f"making packings, compiling and running {len(schemes)} schemes, two at a time"})
+            for scheme, future in waiting.items():
+                own, series[scheme] = future.result()
+                rows += own
+                if progress:
+                    progress({"label": scheme, "state": f"{len(own)} runs done"})
+    except signals.Interrupted as stop:
+        return rows, series, stop
+    return rows, series, None
 
 
 def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
@@ -334,14 +343,20 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
 
 
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
-    """Run everything; writes energy.nc, drift.nc, energy.png and summary.json, returns drift.nc as a Dataset."""
+    """Run everything; writes energy.nc, drift.nc, energy.png and summary.json, returns drift.nc as a Dataset.
+
+    An interrupted run writes drift.nc of the schemes that are done, and energy.nc if that of the default scheme is.
+    """
     check(params)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
     watch = Stopwatch()
-    rows, series = measure(params, progress)
-    dt = float(np.diff(series["onset_verlet"]["time"][:2])[0]) / max(1, params.steps // params.samples)
+    rows, series, stop = measure(params, progress)
+    if stop and not rows:
+        raise stop
+    first = next(iter(series.values()))["time"]
+    dt = float(np.diff(first[:2])[0]) / max(1, params.steps // params.samples)
     title = "Energy of an elastic gas of random grains"
     summary = "Verification test of Abe & Mora (2003) for several integrators."
     numbers = [
@@ -360,10 +375,14 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
         dt,
         title,
         summary,
+        run_status="interrupted" if stop else "complete",
         parameters=("scheme", "purpose", "grains", "seed", "steps", "steps_per_contact"),
         text={"scheme": "time integration", "purpose": "what the run is for"},
     )
-    lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes_of(params, dt, title, summary))
+    if "onset_verlet" in series:
+        lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes_of(params, dt, title, summary))
+    if stop:
+        raise stop
     metrics = analyse(rows, params.dim)
     plot_energy(out / "energy.png", rows, series, PUBLISHED_DRIFT)
     metrics |= watch.metrics()

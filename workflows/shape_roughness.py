@@ -18,11 +18,13 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
+from workflows.cli import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
+from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.roughness import plot_roughness
@@ -35,7 +37,6 @@ COUNTS = (12, 18, 30, 60, 120)  # patches or discs per grain
 SIDES = 6
 WIDTH = 6.0  # degrees: half-angle of a side's arc times (arcs of a corner + 1)
 FLATTEST = 60.0  # radius of a side's arc, in diameters
-OUTLINES = 4  # different polygons
 COLUMNS = (
     lsm.Variable("elements", ("run",), "i32", "1", "patches or discs per grain"),
     lsm.Variable("shape_error", ("run",), "f64", "1", "greatest distance from the outline, in diameters"),
@@ -56,6 +57,7 @@ class Params(BaseParams):
     corner_radius: float = Field(
         default=0.05, ge=0.02, le=0.25, description="corner radius of the polygons [equivalent diameters]"
     )
+    outlines: int = Field(default=4, ge=1, le=100, description="different polygons [1]")
     most_sheared: int = Field(
         default=60, ge=12, le=COUNTS[-1], description="most patches or discs per grain of which layers are sheared [1]"
     )
@@ -65,7 +67,14 @@ class Params(BaseParams):
     strain: float = Field(default=3.0, gt=0, le=1e4, description="shear strain to reach [1]")
 
     presets: ClassVar[dict[str, dict]] = {
-        "smoke": {"most_sheared": 12, "layer_thickness": 8.0, "length": 8.0, "strain": 1.2, "inertial_number": 1e-2},
+        "smoke": {
+            "outlines": 1,
+            "most_sheared": 12,
+            "layer_thickness": 8.0,
+            "length": 8.0,
+            "strain": 1.2,
+            "inertial_number": 1e-2,
+        },
         "demo": {"most_sheared": 30, "layer_thickness": 10.0, "length": 10.0, "strain": 2.0},
         "standard": {},
         "reference": {"most_sheared": 120, "length": 30.0, "strain": 5.0, "inertial_number": 1e-3},
@@ -81,6 +90,12 @@ def check(params: Params) -> None:
         With the option, its value, what is allowed and what to do.
     """
     shear_gouge.check(layer_params(params))
+
+
+def estimate(params: Params) -> RunCost:
+    """Expected steps, time and memory of the layers, which run one after the other."""
+    layers = 2 * sum(elements <= params.most_sheared for elements in COUNTS)
+    return of_replicas([shear_gouge.estimate(layer_params(params))] * layers, 1)
 
 
 def layer_params(params: Params) -> shear_gouge.Params:
@@ -106,7 +121,7 @@ def polygons(params: Params) -> list[tuple[NDArray, shapely.Polygon]]:
 
     rng = np.random.default_rng(params.seed)
     result = []
-    for _ in range(OUTLINES):
+    for _ in range(params.outlines):
         angle = (np.arange(SIDES) + rng.uniform(-0.25, 0.25, SIDES)) * 2.0 * np.pi / SIDES
         vertices = 0.55 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         r = params.corner_radius
@@ -182,11 +197,26 @@ def rate_of(out: str | os.PathLike[str]) -> float:
     return np.nan if value is None else value
 
 
-def measure(params: Params, out: Path, progress: Progress | None = None) -> Rows:
-    """Rows of the table, one per kind and number of elements. Layers run one after the other, as they are timed."""
-    rows = []
+def measure(params: Params, out: Path, progress: Progress | None = None) -> tuple[Rows, signals.Interrupted | None]:
+    """Rows of the table, one per kind and number of elements, and the signal that came before all were measured.
+
+    Layers run one after the other, as they are timed.
+    """
+    rows: Rows = []
+    try:
+        _measure(params, out, rows, progress)
+    except signals.Interrupted as stop:
+        return rows, stop
+    return rows, None
+
+
+def _measure(params: Params, out: Path, rows: Rows, progress: Progress | None) -> None:
+    """Add the rows one by one."""
     for kind in ("patches", "clump"):
         for elements in COUNTS:
+            if progress:
+                sheared = " and shearing a layer" if elements <= params.most_sheared else ""
+                progress({"label": f"{kind}-{elements}", "state": f"fitting outlines{sheared}"})
             _, error, roughness = shapes_of(params, kind, elements)
             row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
             values = dict.fromkeys((*FRICTION, "cost"), np.nan)
@@ -195,7 +225,6 @@ def measure(params: Params, out: Path, progress: Progress | None = None) -> Rows
             rows.append(row | values)
             if progress:
                 progress({"label": f"{kind}-{elements}", "state": f"shape error {error:.2e}"})
-    return rows
 
 
 def analyse(rows: Rows) -> dict[str, Metric]:
@@ -227,14 +256,19 @@ def analyse(rows: Rows) -> dict[str, Metric]:
 
 
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
-    """Make all measurements; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc."""
+    """Make all measurements; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc.
+
+    An interrupted run writes roughness.nc of what is measured.
+    """
     check(params)
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
     watch = Stopwatch()
-    rows = measure(params, out, progress)
-    dt = min(lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc"))
+    rows, stop = measure(params, out, progress)
+    if stop and not rows:
+        raise stop
+    dt = min((lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc")), default=np.nan)
     table = write_runs(
         out / "roughness.nc",
         rows,
@@ -243,9 +277,12 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
         dt,
         "Grains of patches and clumps of discs at the same outline",
         "Shape error, friction and cost.",
+        run_status="interrupted" if stop else "complete",
         parameters=("kind", "elements"),
         text={"kind": "patches or clump"},
     )
+    if stop:
+        raise stop
     metrics = analyse(rows)
     plot_roughness(out / "roughness.png", rows, *example_outlines(params))
     metrics |= watch.metrics()

@@ -16,20 +16,22 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
 from workflows.common.parameters import to_toml
+from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
+from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_metrics import BOUNDS, REMEDIES, analyse
 from workflows.gouge.layer_scene import build, effects_of
 from workflows.gouge.parameters import Params
 from workflows.gouge.stages import consolidate, shear
-from workflows.gouge.target_runs import run_to_target
+from workflows.gouge.target_runs import run_to_target, runs_of
 from workflows.plots import run_plots
 
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BOUNDS", "REMEDIES", "Params", "analyse", "build", "check", "effects_of", "run", "simulate"]
+__all__ = ["BOUNDS", "REMEDIES", "Params", "analyse", "build", "check", "effects_of", "estimate", "run", "simulate"]
 
 
 def check(params: Params) -> None:
@@ -43,6 +45,14 @@ def check(params: Params) -> None:
     layer_scene.check(params)
     if params.target_error is not None:
         target_error.plan(params, params.target_error)
+
+
+def estimate(params: Params) -> RunCost:
+    """Expected steps, time and memory of the run, or of the runs that a target error needs."""
+    if params.target_error is None:
+        return layer_cost(params)
+    plan = target_error.plan(params, params.target_error)
+    return of_replicas([layer_cost(of_run) for of_run in runs_of(params, plan).values()], 2)
 
 
 def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
@@ -61,7 +71,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     if params.target_error is not None:
         return run_to_target(params, out, progress, __name__, analyse)
     watch = Stopwatch()
-    return simulate(build(params), params, out, progress, watch)
+    return simulate(build(params, progress), params, out, progress, watch)
 
 
 def simulate(
@@ -76,6 +86,8 @@ def simulate(
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
     watch = watch or Stopwatch()
+    if progress:
+        progress({"stage": "compiling"})
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
     layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
     progress_from: list[tuple[float, int, float]] = []
@@ -86,7 +98,7 @@ def simulate(
             progress(_progress(row, params, layer, progress_from[0], progress_from[-1]))
 
     try:
-        rate = _record(sim, layer, out, params, report)
+        rate = _record(sim, layer, out, params, report, progress)
     except lsm.SimulationError as error:
         run_plots.plot_stopped(out, error)
         raise
@@ -101,7 +113,14 @@ def simulate(
     return dataset
 
 
-def _record(sim: lsm.Simulation, layer: lsm.ShearedLayer, out: Path, params: Params, report: Progress) -> float:
+def _record(
+    sim: lsm.Simulation,
+    layer: lsm.ShearedLayer,
+    out: Path,
+    params: Params,
+    report: Progress,
+    progress: Progress | None,
+) -> float:
     """All stages of the run, with their files; returns grain steps per second of the shear."""
     scene = sim.scene
     title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
@@ -113,7 +132,7 @@ def _record(sim: lsm.Simulation, layer: lsm.ShearedLayer, out: Path, params: Par
     with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed, scalars) as recorder:
         recorder.row(0)
         recorder.snapshot()
-        consolidate(sim, layer, recorder, params)
+        consolidate(sim, layer, recorder, params, progress)
         recorder.snapshot()
         recorder.run.flush()
         return shear(sim, layer, recorder, params, report)
@@ -128,6 +147,7 @@ def _progress(
 ) -> dict[str, Any]:
     """Report for the progress line; speed and remaining time are known from the second row on."""
     report = {
+        "stage": "shearing",
         "strain": row["shear_strain"],
         "strain_total": params.strain,
         "friction": row["friction"],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy
 from numpy.random import Generator
@@ -97,6 +99,7 @@ def random_angular_polyhedra(
     corner_radius: float = 0.05,
     faces: tuple[int, int] = (10, 18),
     max_aspect: float = 1.5,
+    made: Callable[[int], None] | None = None,
 ) -> list[BallPolyhedron]:
     """Angular 3D grains: cells of a relaxed Voronoi tiling with rounded corners.
 
@@ -111,8 +114,9 @@ def random_angular_polyhedra(
     faces : tuple of int
         Fewest and most faces of a cell, both included, fewest >= 4.
     max_aspect : float
-        Cells are kept if their aspect, the ratio of the longest to the shortest axis of the ellipsoid of equal
-        moments, is below it; > 1.
+        Cells are kept if the longest over the shortest axis of their ellipsoid of equal moments is below it; > 1.
+    made : callable, optional
+        Called with the number of shapes there are, after each one: a layer's take tens of seconds.
 
     Returns
     -------
@@ -148,14 +152,20 @@ def random_angular_polyhedra(
             moments = shape.inertia.sum() / 2.0 - shape.inertia
             if faces[0] <= shape.face_count <= faces[1] and np.sqrt(moments.max() / moments.min()) < max_aspect:
                 shapes.append(shape)
-        batch += 1
-        barren = barren + 1 if len(shapes) == before else 0
+                if made:
+                    made(len(shapes))
+        batch, barren = batch + 1, (barren + 1 if len(shapes) == before else 0)
         if barren == BARREN_BATCHES:
-            raise InputError(
-                f"faces = {faces}, max_aspect = {max_aspect}, corner_radius = {corner_radius}: none of "
-                f"{barren * TILES_PER_BATCH} cells is such a grain; widen one of them"
-            )
+            raise _no_cell(faces, max_aspect, corner_radius)
     return shapes
+
+
+def _no_cell(faces: tuple[int, int], max_aspect: float, corner_radius: float) -> InputError:
+    """The refusal of a request that no cell meets."""
+    return InputError(
+        f"faces = {faces}, max_aspect = {max_aspect}, corner_radius = {corner_radius}: none of "
+        f"{BARREN_BATCHES * TILES_PER_BATCH} cells is such a grain; widen one of them"
+    )
 
 
 def voronoi_cells(count: int, seed: Seed, relaxations: int = 2) -> list[tuple[NDArray, NDArray, NDArray]]:

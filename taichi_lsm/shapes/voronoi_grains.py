@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,7 @@ def random_angular_shapes(
     corner_radius: float = 0.05,
     sides: tuple[int, int] = (5, 7),
     max_aspect: float = 1.5,
+    made: Callable[[int], None] | None = None,
 ) -> list[ArcChain]:
     """Angular 2D grains: relaxed Voronoi tiles with rounded corners.
 
@@ -40,6 +43,8 @@ def random_angular_shapes(
         Fewest and most sides of a tile, both included, fewest >= 3.
     max_aspect : float
         Tiles are kept if their aspect (`polygon_measures`) is below it; > 1.
+    made : callable, optional
+        Called with the number of shapes there are, after each one: a layer's take tens of seconds.
 
     Returns
     -------
@@ -72,17 +77,24 @@ def random_angular_shapes(
             shape = _with_corner_radius(tile, corner_radius, asked, 1, f"angular {seed}-{len(shapes)}")
             if shape is not None and abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
                 shapes.append(shape)
+                if made:
+                    made(len(shapes))
             if len(shapes) == count:
                 break
         batch += 1
         barren = barren + 1 if len(shapes) == before else 0
         if barren == BARREN_BATCHES:
-            raise InputError(
-                f"sides = {sides}, max_aspect = {max_aspect}, corner_radius = {corner_radius}: none of "
-                f"{barren * TILES_PER_BATCH} tiles has so many sides, an aspect below the greatest and space for such "
-                "corners; widen one of them"
-            )
+            raise _no_tile(sides, max_aspect, corner_radius)
     return shapes
+
+
+def _no_tile(sides: tuple[int, int], max_aspect: float, corner_radius: float) -> InputError:
+    """The refusal of a request that no tile meets."""
+    return InputError(
+        f"sides = {sides}, max_aspect = {max_aspect}, corner_radius = {corner_radius}: none of "
+        f"{BARREN_BATCHES * TILES_PER_BATCH} tiles has so many sides, an aspect below the greatest and space for such "
+        "corners; widen one of them"
+    )
 
 
 def _with_corner_radius(

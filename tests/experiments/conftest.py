@@ -23,4 +23,4 @@ def few_shapes():
 def remembered(make):
     """As `make`, which is called once for equal arguments."""
     cached = functools.lru_cache(maxsize=None)(lambda text: make(*json.loads(text)))
-    return lambda *arguments: cached(json.dumps(arguments))
+    return lambda *arguments, made=None: cached(json.dumps(arguments))

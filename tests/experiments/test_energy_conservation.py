@@ -1,10 +1,15 @@
 """The verification experiment in small: files, metrics, and the bounds that a small gas can meet."""
 
+import signal
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
 from workflows import energy_conservation
+from workflows.cli import signals
 
 SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 36, "samples": 20}
 
@@ -29,6 +34,28 @@ def test_small_gas_keeps_its_energy_and_the_printed_scheme_does_not(tmp_path, mo
     assert drift[(scheme == "onset_verlet") & (purpose == "drift")].max() < 1e-3
     assert drift[scheme == "explicit_euler"].max() > 0.02
     assert all(v.attrs["units"] and v.attrs["long_name"] for v in energies.data_vars.values())
+
+
+def test_an_interrupted_run_keeps_the_schemes_that_are_done(tmp_path, monkeypatch):
+    done = {"scheme": "onset_verlet", "purpose": "drift", "grains": 36, "seed": 1, "steps": 400}
+    done |= {"steps_per_contact": 50, "drift": 1e-4, "shadow_drift": 1e-6}
+    energies = {name: np.linspace(1.0, 2.0, 3) for name in ("time", "shadow_correction", *energy_conservation.TERMS)}
+
+    class Pool:
+        def submit(self, function, params, scheme):
+            return SimpleNamespace(result=lambda: self.end_of(scheme))
+
+        def end_of(self, scheme):
+            if scheme != "onset_verlet":
+                raise signals.Interrupted(signal.SIGTERM)
+            return [done], energies
+
+    monkeypatch.setattr(energy_conservation, "fresh_processes", lambda count: nullcontext(Pool()))
+    with pytest.raises(signals.Interrupted):
+        energy_conservation.run(energy_conservation.Params(**SMALL), tmp_path)
+    table = lsm.open_run(tmp_path / "drift.nc")
+    assert table.run_status == "interrupted" and table.drift.values == [1e-4]
+    assert (tmp_path / "energy.nc").exists() and not (tmp_path / "summary.json").exists()
 
 
 @pytest.mark.parametrize(("grains", "option"), [(16, "--order-grains 16"), (36, "--grains 36")])

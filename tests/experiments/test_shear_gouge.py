@@ -150,6 +150,14 @@ def test_a_layer_is_sheared_at_its_normal_stress(sheared, shape):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+def test_the_steps_of_a_run_are_foreseen(sheared, shape):
+    """By a factor of 1.5: the fall of the platen and the step depend on grains that are not made yet."""
+    _, params, run = sheared(shape)
+    steps = float(run.time[-1]) / run.dt
+    assert steps / 1.5 < shear_gouge.estimate(params).steps < steps * 1.5
+
+
+@pytest.mark.parametrize("shape", SHAPES)
 def test_the_files_tell_how_they_were_made(sheared, shape):
     folder, params, dataset = sheared(shape)
     assert merge(shear_gouge.Params, toml_path=folder / "config.toml") == params

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.metrics import FILE, failed_claims, print_summary
-from workflows.common.parameters import nearest
+from workflows.common.parameters import merge, nearest
 
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
@@ -84,6 +84,17 @@ def _cost_of(name: str, saved: dict[str, dict]) -> str:
         time = f"time below what can be measured, {noise:.1f} ns per grain and step"
     memory = f"{cost['added_bytes_per_grain']} bytes per grain, {cost['added_bytes_per_pair']} bytes per listed pair"
     return f"{time}, {memory}"
+
+
+def print_presets(workflows: dict[str, ModuleType]) -> int:
+    """Print what every preset of a workflow that can say so is expected to take."""
+    for name, module in sorted(workflows.items()):
+        if not hasattr(module, "estimate"):
+            continue
+        print(f"{name}:")
+        for preset in module.Params.presets:
+            print(f"  {preset:10}{module.estimate(merge(module.Params, preset))}")
+    return 0
 
 
 def print_info(folder: Path) -> int:

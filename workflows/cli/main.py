@@ -24,6 +24,7 @@ from workflows.common.parallel_runs import reason_of
 from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
+from workflows.common.run_cost import machine_memory, objections
 
 COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -32,7 +33,7 @@ CLOSED_PIPE = 128 + 13  # as of SIGPIPE
 PHYSICS = Group("Experiment", sort_key=1)
 MACHINE = Group("Computation", sort_key=2)
 FILES = Group("Files and display", sort_key=3)
-RESERVED = ("out", "config", "preset", "quiet", "strict", "overwrite")
+RESERVED = ("out", "config", "preset", "quiet", "strict", "overwrite", "yes")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -131,8 +132,13 @@ def build_app(found: dict[str, ModuleType]) -> App:
         effects: Annotated[
             bool, Parameter(name="--effects", help="equation, parameters and cost of every effect", negative=())
         ] = False,
+        presets: Annotated[
+            bool, Parameter(name="--presets", help="steps, time and memory of every preset", negative=())
+        ] = False,
     ) -> int:
         """List the workflows and the effects."""
+        if presets:
+            return inspect_run.print_presets(found)
         return inspect_run.print_effects() if effects else inspect_run.print_list(found)
 
     def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
@@ -171,6 +177,7 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
         parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
         parameter("overwrite", bool, FILES, "write over files in a folder that is not empty", negative=()),
         parameter("quiet", bool, FILES, "print nothing but errors and claims that are not met", negative=()),
+        parameter("yes", bool, FILES, "start also what takes more than a day or half of the memory", negative=()),
         parameter("strict", bool, FILES, "exit with code 3 if a claim is not met", negative=()),
     ]
     only_toml = []
@@ -241,18 +248,24 @@ def execute(
     quiet: bool = False,
     strict: bool = False,
     overwrite: bool = False,
+    yes: bool = False,
 ) -> int:
     """Check everything, run a workflow, and name the claims that its summary does not meet; returns the exit code."""
     folder = Path("out") / name if out is None else Path(out)
     problems, params = refusals(folder, overwrite), None
-    check = getattr(module, "check", None)
+    check, estimate = (getattr(module, hook, None) for hook in ("check", "estimate"))
+    cost = None
     try:
         params = merge(module.Params, preset, config, options, elsewhere=_fields_elsewhere(module))
+        if not quiet and not problems:
+            print(f"{name}, preset {params.preset_name}: checking, then writing to {folder}", flush=True)
         _complain([f"note: {text}" for text in params.notes])
         if params.arch != "cpu":
             _check_arch(params.arch)
         if check:
             check(params)
+        cost = estimate(params) if estimate else None
+        problems = (objections(cost, machine_memory()) if cost and not yes else []) + problems
     except InputError as error:
         problems = _problems_of(error) + problems
     if problems:
@@ -262,6 +275,8 @@ def execute(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         return _complain([f"--out {folder}: cannot be made: {error.strerror}."])
+    if cost and not quiet:
+        print(f"{name}: {cost}", flush=True)
     earlier = _written_at(folder / FILE)
     with ProgressLine(quiet) as progress:
         try:

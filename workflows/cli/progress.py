@@ -21,9 +21,10 @@ class ProgressLine:
 
     Notes
     -----
-    A report has any of: strain [1], strain_total [1], friction [1], normal_stress [Pa], energy_residual [1],
-    steps_per_second_grain [grain steps per second], eta [s], and, for one of several runs, label and state
-    (texts; a report with a state is always shown). Missing and NaN values are left out of the line.
+    A report has any of: stage (text), done and total (counts of what the stage makes), height and height_goal [m],
+    strain [1], strain_total [1], friction [1], normal_stress [Pa], energy_residual [1], steps_per_second_grain [grain
+    steps per second], eta [s], and, for one of several runs, label and state (texts). A report with a state, or of
+    another stage than the last one, is always shown. Missing and NaN values are left out of the line.
     """
 
     def __init__(self, quiet: bool = False, console: Console | None = None, every: float | None = None) -> None:
@@ -33,6 +34,7 @@ class ProgressLine:
         self._every = every if every is not None else LIVE_EVERY_S if self._terminal else PLAIN_EVERY_S
         self._reports: dict[str, dict] = {}
         self._shown_at: dict[str, float] = {}
+        self._stage: dict[str, str | None] = {}  # of each label, as last shown
         self._live: Live | None = None
 
     def __call__(self, report: Any) -> None:
@@ -43,9 +45,10 @@ class ProgressLine:
         label = report.get("label", "")
         self._reports[label] = report
         now = time.monotonic()
-        if "state" not in report and now - self._shown_at.get(label, -math.inf) < self._every:
+        begins = "stage" in report and report["stage"] != self._stage.get(label)
+        if not ("state" in report or begins) and now - self._shown_at.get(label, -math.inf) < self._every:
             return
-        self._shown_at[label] = now
+        self._shown_at[label], self._stage[label] = now, report.get("stage")
         if not self._terminal:
             print(format_line(report), file=self._console.file, flush=True)
             return
@@ -84,6 +87,11 @@ def format_line(report: dict) -> str:
     """`strain 1.24/4.00 | mu 0.31 | sigma_n 5.00 MPa | ...` from the values that the report has."""
     value = {k: v for k, v in report.items() if not _missing(v)}
     parts = []
+    if "stage" in value:
+        count = f" {value['done']}/{value['total']}" if "total" in value else ""
+        parts.append(f"{value['stage']}{count}")
+    if "height" in value:
+        parts.append(f"height {heights(value['height'], value.get('height_goal'))}")
     if "strain" in value:
         total = f"/{value['strain_total']:.2f}" if "strain_total" in value else ""
         parts.append(f"strain {value['strain']:.2f}{total}")
@@ -107,6 +115,14 @@ def format_line(report: dict) -> str:
 
 def _missing(value: Any) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value))
+
+
+def heights(height: float, goal: float | None) -> str:
+    """`1.80 of 1.30 mm`: both in the unit that suits the goal; `1.80 mm` without one."""
+    size = height if goal is None else goal
+    power = min(3, max(0, math.ceil(-math.log10(size) / 3.0))) if 0.0 < size < 1.0 else 0
+    of_goal = "" if goal is None else f" of {goal * 1000**power:.3g}"
+    return f"{height * 1000**power:.3g}{of_goal} {('m', 'mm', 'um', 'nm')[power]}"
 
 
 def scaled(value: float, units: tuple[str, ...]) -> str:

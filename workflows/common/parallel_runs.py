@@ -134,7 +134,13 @@ def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
     try:
         with ProcessPoolExecutor(count, mp_context=spawn, max_tasks_per_child=1) as pool:
-            yield pool
+            try:
+                yield pool
+            except signals.Interrupted:  # what runs is given up, or the pool would wait for all that was submitted
+                pool.shutdown(wait=False, cancel_futures=True)
+                for child in multiprocessing.active_children():
+                    child.terminate()
+                raise
     except BrokenProcessPool as error:
         raise SimulationError("a process of the run was killed, perhaps for want of memory") from error
 
@@ -303,13 +309,14 @@ def _set_title(title: str) -> None:
 
 
 def _sender(pipe: Any) -> Callable[[Any], None]:
-    last = -SEND_EVERY_S
+    last, stage = -SEND_EVERY_S, None
 
     def send(report: Any) -> None:
-        nonlocal last
+        nonlocal last, stage
         report = as_dict(report)
-        if "state" in report or time.monotonic() - last >= SEND_EVERY_S:
-            last = time.monotonic()
+        begins = report.get("stage") != stage
+        if "state" in report or begins or time.monotonic() - last >= SEND_EVERY_S:
+            last, stage = time.monotonic(), report.get("stage")
             if not _send(pipe, "report", report):
                 # The parent was killed: end as if it had passed the signal on, with the files flushed.
                 raise signals.Interrupted(signal.SIGTERM)

@@ -1,11 +1,13 @@
 """The mobile grains of a gouge layer before consolidation: dense or loose, whole or breakable."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import taichi_lsm as lsm
+from workflows.common.parallel_runs import Progress
 from workflows.common.refusals import in_terms_of
 from workflows.gouge.parameters import Params
 
@@ -71,7 +73,12 @@ def least_cell(params: Params, across: float, what: str) -> None:
 
 
 def whole_grains(
-    params: Params, rng: np.random.Generator, count: int, platens: "Platens", shapes: "list[GrainShape]"
+    params: Params,
+    rng: np.random.Generator,
+    count: int,
+    platens: "Platens",
+    shapes: "list[GrainShape]",
+    progress: Progress | None = None,
 ) -> MobileGrains:
     """Whole grains between the platens, without bonds.
 
@@ -83,12 +90,15 @@ def whole_grains(
         Centres and diameters [m] of the grains of the lower and of the upper platen.
     shapes
         Shapes that come first in the table; discs and spheres use the first of them.
+    progress
+        Takes a report after each shape that is made.
     """
     p = params
     if p.shape == "angular":
         angular = lsm.shapes.random_angular_shapes if p.dim == 2 else lsm.shapes.random_angular_polyhedra
         with in_terms_of(f"--corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"):
-            shapes = shapes + angular(min(count, SHAPES[p.dim]), p.seed, p.corner_radius)
+            kinds = min(count, SHAPES[p.dim])
+            shapes = shapes + angular(kinds, p.seed, p.corner_radius, made=_making_shapes(progress, kinds))
     diameter = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     shape_index = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
     rotation = lsm.random_rotations(rng, count, p.dim)
@@ -98,8 +108,23 @@ def whole_grains(
     return MobileGrains(shapes, shape_index, position, diameter, rotation, heights, None)
 
 
+def _making_shapes(progress: Progress | None, total: int) -> Callable[[int], None]:
+    """What takes the number of shapes made so far, and reports it."""
+
+    def report(done: int) -> None:
+        if progress:
+            progress({"stage": "making shapes", "done": done, "total": total})
+
+    return report
+
+
 def breakable_grains(
-    params: Params, rng: np.random.Generator, count: int, platens: "Platens", shapes: "list[GrainShape]"
+    params: Params,
+    rng: np.random.Generator,
+    count: int,
+    platens: "Platens",
+    shapes: "list[GrainShape]",
+    progress: Progress | None = None,
 ) -> MobileGrains:
     """As `whole_grains`, but pieces of `count` breakable grains (2D), with the bonds between them."""
     p = params
@@ -107,7 +132,10 @@ def breakable_grains(
         f"--pieces {p.pieces}, --corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"
     ):
         kinds = min(count, AGGREGATES)
-        whole = [lsm.shapes.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius) for i in range(kinds)]
+        made, whole = _making_shapes(progress, kinds), []
+        for i in range(kinds):
+            whole.append(lsm.shapes.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius))
+            made(len(whole))
     size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     kind = rng.integers(0, len(whole), count)
     angle = lsm.random_rotations(rng, count, p.dim)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.common.parallel_runs import Progress
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
@@ -50,7 +51,7 @@ def _check_effects(p: Params) -> None:
         scene_of(
             2.0 * np.eye(2, p.dim),
             effects,
-            shapes=[_stand_in(p.shape, p.dim)],
+            shapes=[stand_in(p.shape, p.dim)],
             bonds=np.array([[0, 1]]) if p.breakable else None,
         )
     number, least = p.stiffness / (p.normal_stress * p.diameter), p.least_stiffness_number
@@ -62,7 +63,7 @@ def _check_effects(p: Params) -> None:
 
 
 @functools.cache
-def _stand_in(shape: str, dim: int) -> GrainShape:
+def stand_in(shape: str, dim: int) -> GrainShape:
     """A grain with surfaces of the kind that layers of this `shape` have; made in less than a second."""
     if shape == "round":
         return lsm.disc() if dim == 2 else lsm.sphere()
@@ -96,8 +97,8 @@ def _check_count(p: Params) -> None:
         )
 
 
-def build(params: Params) -> lsm.Scene:
-    """The scene before consolidation: bottom platen, mobile grains, top platen.
+def build(params: Params, progress: Progress | None = None) -> lsm.Scene:
+    """The scene before consolidation: bottom platen, mobile grains, top platen; `progress` takes reports on shapes.
 
     Raises
     ------
@@ -113,7 +114,7 @@ def build(params: Params) -> lsm.Scene:
     smallest, largest = p.platen_roughness * p.smallest_diameter, p.platen_roughness * p.largest_diameter
     low, high = (lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2))
     make = breakable_grains if p.breakable else whole_grains
-    grains = make(p, rng, mobile_count(p), (low, high), [one])
+    grains = make(p, rng, mobile_count(p), (low, high), [one], progress)
     position = np.concatenate([grains.position, low[0], high[0]])
     first_low, first_high = len(grains.position), len(grains.position) + len(low[0])
     position[first_low:first_high, 1] += grains.platen_heights[0]

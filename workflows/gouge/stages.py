@@ -16,7 +16,13 @@ SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run:
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 
 
-def consolidate(sim: lsm.Simulation, layer: lsm.ShearedLayer, recorder: lsm.LayerRecorder, params: Params) -> None:
+def consolidate(
+    sim: lsm.Simulation,
+    layer: lsm.ShearedLayer,
+    recorder: lsm.LayerRecorder,
+    params: Params,
+    progress: Progress | None = None,
+) -> None:
     """Press the layer until the platen carries the normal stress and the thickness no longer changes.
 
     Raises
@@ -36,6 +42,9 @@ def consolidate(sim: lsm.Simulation, layer: lsm.ShearedLayer, recorder: lsm.Laye
         still = abs(layer.thickness / before - 1.0) < 2e-4
         loaded = abs(stress / params.normal_stress - 1.0) < 0.02
         quiet = quiet + 1 if still and loaded else 0
+        if progress:
+            height = {"height": layer.thickness, "height_goal": params.layer[0], "normal_stress": stress}
+            progress({"stage": "settling" if loaded else "consolidating", **height})
         if quiet == 3:
             return
     raise lsm.SimulationError(

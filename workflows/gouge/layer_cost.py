@@ -1,0 +1,53 @@
+"""What shearing a layer is expected to take, from its parameters alone: no grain is made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workflows.common.run_cost import RunCost
+from workflows.common.small_scenes import scene_of
+from workflows.gouge.layer_scene import LARGEST_SPEED, effects_of, mobile_count, stand_in
+from workflows.gouge.parameters import Params
+
+# By shape and dimension: time per grain and step, the inverse of `grain_steps_per_second` in summary.json, and time to
+# make the shapes and to compile [s].
+GRAIN_STEP = {("sphere", 2): 40e-9, ("angular", 2): 110e-9, ("sphere", 3): 90e-9, ("angular", 3): 350e-9}
+START = {("sphere", 2): 8.0, ("angular", 2): 25.0, ("sphere", 3): 10.0, ("angular", 3): 50.0}
+PROCESS_BYTES = 4e8  # of a process with its compiled kernels, before the grains
+GRAIN_BYTES = {("sphere", 2): 1.2e3, ("angular", 2): 2.0e3, ("sphere", 3): 1.5e3, ("angular", 3): 4.0e3}
+SHAPED_STEP = {"whole": 0.85, "breakable": 0.65}  # step of angular grains over that of the squares that stand in
+CELL = 1.1  # of the lattice on which the loose grains lie, in the largest of their bounding diameters
+REACH = {"sphere": 1.0, "angular": 1.35}  # bounding diameter of the largest grain over its equivalent one
+SETTLING = 40.0  # inertial times from the first contact with the platen to rest
+
+
+def layer_cost(params: Params) -> RunCost:
+    """Expected steps, time and memory of one run of a layer."""
+    p, kind = params, (params.shape, params.dim)
+    thickness, lengths = p.layer
+    dt = expected_step(p)
+    # Consolidation: the servo brings the platen down at its greatest speed, then the layer comes to rest.
+    loose = mobile_count(p) * (CELL * REACH[p.shape] * p.largest_diameter) ** p.dim / float(np.prod(lengths))
+    fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
+    steps = p.inertial_time * (fall + SETTLING + p.strain / p.inertial_number) / dt
+    grains = mobile_count(p) * (p.pieces if p.breakable else 1)
+    seconds = START[kind] + GRAIN_STEP[kind] * grains * steps
+    return RunCost(steps, seconds, PROCESS_BYTES + GRAIN_BYTES[kind] * grains)
+
+
+def expected_step(params: Params) -> float:
+    """Time step [s] of two grains of the least size, whose frequencies bound those of the layer."""
+    p = params
+    size = p.smallest_diameter / (p.pieces**0.5 if p.breakable else 1.0)
+    two = scene_of(
+        2.0 * size * np.eye(2, p.dim),
+        effects_of(p),
+        shapes=[stand_in(p.shape, p.dim)],
+        diameter=size,
+        density=p.density,
+        thickness=p.diameter,
+        bonds=np.array([[0, 1]]) if p.breakable else None,
+        safety=p.step_safety,
+    )
+    shaped = SHAPED_STEP["breakable" if p.breakable else "whole"] if p.shape == "angular" else 1.0
+    return shaped * two.chosen_dt()
