@@ -179,6 +179,8 @@ def test_refusals_name_option_value_allowed_and_remedy():
     assert "--strain 10000" in endless and "steps" in endless and "raise --inertial-number" in endless
     spring = outcome("shear-gouge", base | {"load_stiffness": "1e15"})
     assert "--load-stiffness 1e+15" in spring and "must be <=" in spring and "lower it" in spring
+    stiff = outcome("shear-gouge", base | {"load_stiffness_area": "1e24"})
+    assert "--load-stiffness-area 1e+24 Pa/m: must be <=" in stiff
 
 
 def test_the_command_line_shows_no_traceback(tmp_path):

@@ -10,7 +10,7 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of
-from workflows.gouge import initial_grains, stages
+from workflows.gouge import initial_grains, layer_scene, stages
 
 SHAPES = ("sphere", "angular")
 
@@ -36,6 +36,7 @@ def test_every_wrong_value_is_reported():
         ({"shape": "angular", "dim": 3, "breakable": True}, "not --shape angular --dim 3"),
         ({"dim": 3, "platen_roughness": 1.5}, "--platen-roughness 1.5 must be <= 1 in 3D"),
         ({"target_error": 0.01, "load_stiffness": 1e3}, "--target-error is for layers of whole grains"),
+        ({"load_stiffness": 1e3, "load_stiffness_ratio": 0.1}, "--load-stiffness and --load-stiffness-ratio are all"),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
     ],
 )
@@ -213,6 +214,35 @@ def test_friction_is_the_ratio_of_the_stresses_and_strain_the_integral_of_the_ra
     ].value == pytest.approx(mean)
     expected = float(steady.displacement[-1] - steady.displacement[0]) / float(steady.layer_thickness.mean())
     assert float(steady.shear_strain[-1] - steady.shear_strain[0]) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_spring_is_the_same_in_each_of_its_units(dim):
+    """Beside a layer of 10 x 8 (x 5) diameters, whose columns of 8 contacts have k_t/8 each."""
+    params = shear_gouge.Params(dim=dim, length=10, layer_thickness=8, width=5, load_stiffness_ratio=0.25)
+    columns = 10 if dim == 2 else 10 * 5
+    spring = 0.25 * columns * 0.5 * params.stiffness / 8
+    area = 10 * (params.diameter if dim == 2 else 5 * params.diameter) * params.diameter
+    assert params.spring == pytest.approx(spring) and params.area == pytest.approx(area)
+    for given in ({"load_stiffness": spring}, {"load_stiffness_area": spring / area}):
+        assert shear_gouge.Params(dim=dim, length=10, layer_thickness=8, width=5, **given).spring == pytest.approx(
+            spring
+        )
+    assert layer_scene.shear_drive(params, 1.0, 1.0).stiffness == pytest.approx(spring)
+    assert shear_gouge.Params().spring is None
+
+
+def test_the_summary_of_a_spring_and_of_broken_bonds(sheared):
+    _, params, dataset = sheared("sphere")
+    soft = params.model_copy(update={"load_stiffness_area": 2e9})
+    broken = dataset.assign(bond_count=("time", np.linspace(90, 60, dataset.sizes["time"]).astype(int)))
+    broken = broken.assign(fragment_count=("time", np.linspace(10, 25, dataset.sizes["time"]).astype(int)))
+    metrics = shear_gouge.analyse(broken, soft)
+    first = broken.bond_count.values[dataset.stage.values == 2][0]
+    found = {name: metrics[name].value for name in ("bonds", "fragments", "bonds_broken", "load_stiffness")}
+    assert found == {"bonds": 60, "fragments": 25, "bonds_broken": 1 - 60 / first, "load_stiffness": 2e9 * params.area}
+    assert metrics["contact_stiffness"].value == params.stiffness and metrics["layer_area"].value == params.area
+    assert not {"bonds", "load_stiffness"} & set(shear_gouge.analyse(dataset, params))
 
 
 def test_breakable_grains_are_bonded_pieces_of_their_area():

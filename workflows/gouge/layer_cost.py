@@ -11,23 +11,24 @@ from workflows.gouge.parameters import Params
 
 # By shape and dimension: time per grain and step, the inverse of `grain_steps_per_second` in summary.json, and time to
 # make the shapes and to compile [s].
-GRAIN_STEP = {("sphere", 2): 40e-9, ("angular", 2): 110e-9, ("sphere", 3): 90e-9, ("angular", 3): 350e-9}
-START = {("sphere", 2): 8.0, ("angular", 2): 25.0, ("sphere", 3): 10.0, ("angular", 3): 50.0}
+GRAIN_STEP = {("round", 2): 40e-9, ("angular", 2): 110e-9, ("round", 3): 90e-9, ("angular", 3): 350e-9}
+START = {("round", 2): 8.0, ("angular", 2): 25.0, ("round", 3): 10.0, ("angular", 3): 50.0}
 PROCESS_BYTES = 4e8  # of a process with its compiled kernels, before the grains
-GRAIN_BYTES = {("sphere", 2): 1.2e3, ("angular", 2): 2.0e3, ("sphere", 3): 1.5e3, ("angular", 3): 4.0e3}
+GRAIN_BYTES = {("round", 2): 1.2e3, ("angular", 2): 2.0e3, ("round", 3): 1.5e3, ("angular", 3): 4.0e3}
 SHAPED_STEP = {"whole": 0.85, "breakable": 0.65}  # step of angular grains over that of the squares that stand in
 CELL = 1.1  # of the lattice on which the loose grains lie, in the largest of their bounding diameters
-REACH = {"sphere": 1.0, "angular": 1.35}  # bounding diameter of the largest grain over its equivalent one
+REACH = {"round": 1.0, "angular": 1.35}  # bounding diameter of the largest grain over its equivalent one
 SETTLING = 40.0  # inertial times from the first contact with the platen to rest
 
 
 def layer_cost(params: Params) -> RunCost:
     """Expected steps, time and memory of one run of a layer."""
-    p, kind = params, (params.shape, params.dim)
+    p, shape = params, "angular" if params.shape == "angular" else "round"
+    kind = (shape, p.dim)
     thickness, lengths = p.layer
     dt = expected_step(p)
     # Consolidation: the servo brings the platen down at its greatest speed, then the layer comes to rest.
-    loose = mobile_count(p) * (CELL * REACH[p.shape] * p.largest_diameter) ** p.dim / float(np.prod(lengths))
+    loose = mobile_count(p) * (CELL * REACH[shape] * p.largest_diameter) ** p.dim / float(np.prod(lengths))
     fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
     steps = p.inertial_time * (fall + SETTLING + p.strain / p.inertial_number) / dt
     grains = mobile_count(p) * (p.pieces if p.breakable else 1)

@@ -66,7 +66,34 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "sliding_fraction": Metric(float(steady.sliding_fraction.mean()), "1"),
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
+    metrics |= _breakage(sheared) | _spring(params)
     for name, bound in BOUNDS.items():
         value = float(metrics[name].value or 0.0)
         metrics[name] = Metric(value, "1", bound, abs(value) < bound, remedy=REMEDIES[name])
     return metrics
+
+
+def _breakage(sheared: xarray.Dataset) -> dict[str, Metric]:
+    """What has become of breakable grains at the end; {} for whole ones."""
+    if "bond_count" not in sheared:
+        return {}
+    bonds, fragments = sheared.bond_count.values, sheared.fragment_count.values
+    return {
+        "bonds": Metric(int(bonds[-1]), "1", note="that have not broken at the end"),
+        "fragments": Metric(int(fragments[-1]), "1", note="grains, pieces and groups of bonded pieces at the end"),
+        "bonds_broken": Metric(1.0 - float(bonds[-1]) / max(1, int(bonds[0])), "1", note="share since shear began"),
+    }
+
+
+def _spring(params: Params) -> dict[str, Metric]:
+    """The spring of the load point in its three units, beside the contacts and the area; {} at an imposed velocity."""
+    p = params
+    if p.spring is None:
+        return {}
+    return {
+        "load_stiffness": Metric(p.spring, "N m-1", note="of the spring that pulls the top platen"),
+        "load_stiffness_area": Metric(p.spring / p.area, "Pa m-1", note="the same over the area of the layer"),
+        "load_stiffness_ratio": Metric(p.spring / p.shear_stiffness, "1", note="over the shear stiffness of the layer"),
+        "contact_stiffness": Metric(p.stiffness, "N m-1", note="normal stiffness of a contact"),
+        "layer_area": Metric(p.area, "m2", note="along the shear"),
+    }

@@ -9,10 +9,11 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.parallel_runs import Progress
+from workflows.common.parameters import option_name
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
-from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, Params
+from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, SPRINGS, Params
 
 if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
@@ -169,10 +170,13 @@ def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
             f"{dt:.2g} s, must be <= {MOST_STEPS:g}; lower --strain or --stiffness-number {p.stiffness_number:g}, or "
             f"raise --inertial-number or --step-safety {p.step_safety:g}"
         )
-    if p.load_stiffness and p.load_stiffness > inertia / dt**2:
+    most = inertia / dt**2
+    if p.spring and p.spring > most:
+        name = next(name for name in SPRINGS if getattr(p, name))
+        given, unit = getattr(p, name), {"load_stiffness": " N/m", "load_stiffness_area": " Pa/m"}.get(name, "")
         raise lsm.InputError(
-            f"--load-stiffness {p.load_stiffness:g} N/m: must be <= {inertia / dt**2:g} N/m, for the top platen to be "
-            f"resolved by steps of {dt:.2g} s; lower it, or --step-safety {p.step_safety:g}"
+            f"{option_name(name)} {given:g}{unit}: must be <= {given * most / p.spring:g}{unit}, for the top "
+            f"platen to be resolved by steps of {dt:.2g} s; lower it, or --step-safety {p.step_safety:g}"
         )
 
 
@@ -215,6 +219,6 @@ def shear_drive(params: Params, velocity: float, inertia: float) -> lsm.SpringLo
         Of the platen on its spring [kg].
     """
     p = params
-    if p.load_stiffness:
-        return lsm.SpringLoadPoint(velocity, p.load_stiffness, inertia)
+    if p.spring:
+        return lsm.SpringLoadPoint(velocity, p.spring, inertia)
     return lsm.ConstantVelocity(velocity, acceleration=max(abs(velocity), 1e-3 * p.diameter) / p.inertial_time)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 LEAST_ROWS = 12  # of the steady state: the correlation of fewer cannot be estimated
 STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
+SPRINGS = ("load_stiffness", "load_stiffness_area", "load_stiffness_ratio")  # ways to give the spring of the load point
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
 EFFECTS_HELP = "lsm list --effects shows what there is"
 REPLACED = {  # parameters of the default effects, by the role of an effect that replaces one
@@ -82,7 +83,21 @@ class Params(BaseParams):
         default=None,
         ge=1e-9,
         le=1e15,
-        description="stiffness of the spring that pulls the top platen; none: its velocity is imposed [N m-1]",
+        description="stiffness of the spring that pulls the top platen, also to be given in one of the next two ways; "
+        "none: the velocity of the platen is imposed [N m-1]",
+    )
+    load_stiffness_area: float | None = Field(
+        default=None,
+        ge=1e-9,
+        le=1e24,
+        description="the same over the area of the layer, as of a testing machine: 1e12 is 1 MPa/um [Pa m-1]",
+    )
+    load_stiffness_ratio: float | None = Field(
+        default=None,
+        ge=1e-9,
+        le=1e9,
+        description="the same over the shear stiffness of the layer, that of columns of contacts through its "
+        "thickness: far below 1 the machine is soft and the layer may slip in events [1]",
     )
     strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
     steady_from: float = Field(
@@ -150,7 +165,11 @@ class Params(BaseParams):
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
                 f"the steady state needs {LEAST_ROWS} rows"
             )
-        if self.target_error and (self.breakable or self.load_stiffness or self.effects):
+        springs = [name for name in SPRINGS if getattr(self, name)]
+        if len(springs) > 1:
+            options = " and ".join("--" + name.replace("_", "-") for name in springs)
+            yield f"{options} are all the stiffness of the load spring: give one of them"
+        if self.target_error and (self.breakable or self.spring or self.effects):
             yield "--target-error is for layers of whole grains at an imposed velocity, with the default effects"
 
     def idle(self) -> dict[str, str]:
@@ -190,7 +209,7 @@ class Params(BaseParams):
     @property
     def least_steady(self) -> float:
         """Least strain of the steady state that is averaged [1]."""
-        return LEAST_ROWS / self.rows_per_strain * (STICK_SLIP if self.load_stiffness else 1)
+        return LEAST_ROWS / self.rows_per_strain * (STICK_SLIP if self.spring else 1)
 
     @property
     def layer(self) -> tuple[float, tuple[float, ...]]:
@@ -199,6 +218,30 @@ class Params(BaseParams):
         length = self.length or (30.0 if self.dim == 2 else 20.0)
         across = () if self.dim == 2 else (self.width * self.diameter,)
         return thickness * self.diameter, (length * self.diameter, *across)
+
+    @property
+    def area(self) -> float:
+        """Area [m2] of the layer along the shear; in 2D the out-of-plane depth b is d."""
+        return float(np.prod(self.layer[1])) * (self.diameter if self.dim == 2 else 1.0)
+
+    @property
+    def shear_stiffness(self) -> float:
+        """Shear stiffness [N m-1] of the layer: columns side by side of h/d tangential springs in series.
+
+        k_t (A/d^(D-1)) / (h/d), in 2D k_t L/h.
+        """
+        thickness, lengths = self.layer
+        per_column = self.tangential_ratio * self.stiffness * self.diameter / thickness
+        return per_column * float(np.prod(lengths)) / self.diameter ** len(lengths)
+
+    @property
+    def spring(self) -> float | None:
+        """Stiffness [N m-1] of the spring that pulls the top platen, in whichever way it is given; None without one."""
+        if self.load_stiffness_area:
+            return self.load_stiffness_area * self.area
+        if self.load_stiffness_ratio:
+            return self.load_stiffness_ratio * self.shear_stiffness
+        return self.load_stiffness
 
     @property
     def diameter(self) -> float:
