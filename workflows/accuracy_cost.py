@@ -307,8 +307,8 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
         made_by = {"made_by": f"lsm accuracy-cost --preset {params.preset_name}", "rows": rows}
         (out / "friction_errors.json").write_text(json.dumps(made_by, indent=2) + "\n", encoding="utf-8")
     found = curves(trials)
-    plot_work_precision(out / "work_precision.png", found)
-    plot_summary(out / "tenfold.png", found)
+    plot_work_precision(out / f"work_precision.{params.format}", found)
+    plot_summary(out / f"tenfold.{params.format}", found)
     metrics = analyse(trials)
     metrics |= watch.metrics()
     write_summary(out, "accuracy-cost", params.preset_name, metrics, quiet=progress is None)

@@ -168,7 +168,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
         failure, status = stop, "interrupted"
     table = collect(runs, params, out, status)
     if status != "interrupted":
-        run_plots.plot_comparison(out)
+        run_plots.plot_comparison(out, params.format)
     metrics = analyse(table)
     metrics |= watch.metrics()
     if progress:

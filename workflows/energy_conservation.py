@@ -384,7 +384,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     if stop:
         raise stop
     metrics = analyse(rows, params.dim)
-    plot_energy(out / "energy.png", rows, series, PUBLISHED_DRIFT)
+    plot_energy(out / f"energy.{params.format}", rows, series, PUBLISHED_DRIFT)
     metrics |= watch.metrics()
     write_summary(out, "energy-conservation", params.preset_name, metrics, quiet=progress is None)
     return table

@@ -191,7 +191,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     options = {"parameters": ("case", "precision"), "text": TEXTS, "extra_attributes": flags}
     table = write_runs(out / "hard_cases.nc", rows, numbers, params, math.nan, title, summary, **options)
     (out / "hard_cases.md").write_text(table_text(rows), encoding="utf-8")
-    plot_cases(out / "hard_cases.png", rows)
+    plot_cases(out / f"hard_cases.{params.format}", rows)
     metrics = analyse(rows)
     metrics |= watch.metrics()
     if progress:

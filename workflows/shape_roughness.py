@@ -112,6 +112,7 @@ def layer_params(params: Params) -> shear_gouge.Params:
         arch=params.arch,
         precision=params.precision,
         threads=params.threads,
+        format=params.format,
     )
 
 
@@ -284,7 +285,7 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     if stop:
         raise stop
     metrics = analyse(rows)
-    plot_roughness(out / "roughness.png", rows, *example_outlines(params))
+    plot_roughness(out / f"roughness.{params.format}", rows, *example_outlines(params))
     metrics |= watch.metrics()
     write_summary(out, "shape-roughness", params.preset_name, metrics, quiet=progress is None)
     return table

@@ -100,14 +100,14 @@ def simulate(
     try:
         rate = _record(sim, layer, out, params, report, progress)
     except lsm.SimulationError as error:
-        run_plots.plot_stopped(out, error)
+        run_plots.plot_stopped(out, error, params.format)
         raise
     if params.profile:
         print(lsm.runtime_profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1")
-    run_plots.plot_run(out)
+    run_plots.plot_run(out, params.format)
     metrics |= watch.metrics()
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return dataset

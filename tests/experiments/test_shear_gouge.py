@@ -233,12 +233,12 @@ def test_a_spring_is_the_same_in_each_of_its_units(dim):
 
 
 def test_the_summary_of_a_spring_and_of_broken_bonds(sheared):
-    _, params, dataset = sheared("sphere")
+    _, params, dataset = sheared("round")
     soft = params.model_copy(update={"load_stiffness_area": 2e9})
     broken = dataset.assign(bond_count=("time", np.linspace(90, 60, dataset.sizes["time"]).astype(int)))
     broken = broken.assign(fragment_count=("time", np.linspace(10, 25, dataset.sizes["time"]).astype(int)))
     metrics = shear_gouge.analyse(broken, soft)
-    first = broken.bond_count.values[dataset.stage.values == 2][0]
+    first = broken.bond_count.values[dataset.stage.values == "shear"][0]
     found = {name: metrics[name].value for name in ("bonds", "fragments", "bonds_broken", "load_stiffness")}
     assert found == {"bonds": 60, "fragments": 25, "bonds_broken": 1 - 60 / first, "load_stiffness": 2e9 * params.area}
     assert metrics["contact_stiffness"].value == params.stiffness and metrics["layer_area"].value == params.area

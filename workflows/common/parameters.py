@@ -66,6 +66,8 @@ class Params(pydantic.BaseModel):
     arch: Literal["cpu", "gpu"] = Field(default="cpu", description="device that the kernels run on")
     threads: int = Field(default=1, ge=1, le=1024, description="CPU threads; the results do not depend on it")
 
+    format: Literal["png", "pdf", "svg"] = Field(default="png", description="format of the pictures")
+
     @cached_property
     def preset_name(self) -> str | None:
         """The preset these parameters started from, or None if they were built in Python.

@@ -18,6 +18,7 @@ SEGMENTS = 32  # chords in a quarter of a circle, in sections
 ARC_STEP = 0.3  # rad, longest chord of an outline
 MAP = "cividis"  # stays in order for colour-blind eyes and in grey
 FAULT = "#D55E00"
+ARROW_SPACE = 0.08  # of the height of the layer, for the direction of the shear above it
 BAR = "velocity along the shear / velocity of the top platen [1]"
 
 
@@ -120,7 +121,7 @@ def _arc(middle, half):
 def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> Any:
     """Draw the outlines coloured by velocity; returns the collection for a colour bar.
 
-    Glued grains are grey, those with the numbers `marked` edged in red.
+    Glued grains are white and hatched, like no colour of the map; those with the numbers `marked` are edged in red.
     """
     from matplotlib.collections import PolyCollection
 
@@ -133,15 +134,17 @@ def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> A
         polygons[bool(glued)] += [outline + at + (shift, 0.0) for shift in shifts]
         values += [] if glued else [velocity] * len(shifts)
         edged += [outline + at + (shift, 0.0) for shift in shifts] if number in marked else []
-    axes.add_collection(PolyCollection(polygons[True], facecolor="0.72", edgecolor="0.35", lw=0.5))
+    axes.add_collection(PolyCollection(polygons[True], facecolor="white", edgecolor="0.25", lw=0.6, hatch="////////"))
     drawn = PolyCollection(polygons[False], cmap=MAP, edgecolor="black", lw=0.35)
     drawn.set_array(np.array(values))
     drawn.set_clim(0.0, 1.0)
     axes.add_collection(drawn)
     axes.add_collection(PolyCollection(edged, facecolor="none", edgecolor=FAULT, lw=1.8))
-    axes.set(xlim=(0, period), ylim=(y.min() - reach, y.max() + reach), aspect="equal")
-    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    # The direction of the shear stands above the upper platen: beside the title of a narrow layer is no space for it.
+    low, high = y.min() - reach, y.max() + reach
+    space = ARROW_SPACE * (high - low)
+    axes.set(xlim=(0, period), ylim=(low, high + space), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.4}
-    ends = {"xy": (1.0, 1.045), "xytext": (0.85, 1.045), "textcoords": "axes fraction", "xycoords": "axes fraction"}
-    axes.annotate("shear ", ha="right", va="center", arrowprops=arrow, **ends)
+    at = high + 0.5 * space
+    axes.annotate("shear ", (0.98 * period, at), (0.7 * period, at), ha="right", va="center", arrowprops=arrow)
     return drawn

@@ -1,6 +1,6 @@
-"""Figures of runs and of comparisons; each reads the files of a folder and writes a PNG beside them.
+"""Figures of runs and of comparisons; each reads the files of a folder and writes a picture beside them.
 
-matplotlib is imported when something is drawn. The colours, of Okabe and Ito, stay apart for colour-blind eyes.
+`kind` is the format of the picture, png, pdf or svg.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import textwrap
 import tomllib
-from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,83 +17,72 @@ from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows.gouge.labels import ROUND, friction_words
+from workflows.gouge.parameters import SPRINGS
+from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
+from workflows.plots.slip_and_breakage import draw_breakage, draw_stick_slip
 
-BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00"
 COLOUR = {"round": BLUE, "angular": ORANGE}
 SMOOTH_STRAIN = 0.05  # width of the running mean of curves
 SINGLE_BELOW = 0.3  # rows by which single runs are drawn below their mean
-STYLE: dict[Any, Any] = {
-    "font.size": 9.5,
-    "axes.titlesize": 10.5,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "legend.fontsize": 8.8,
-    "figure.titlesize": 10.5,
-    "savefig.dpi": 130,
-}
 
 
-@contextmanager
-def _figure(path, size):
-    """A figure that is saved at the end, its label as the description in the file.
+def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
+    """Draw run.png of a run of shear-gouge: friction, layer, thickness and energy; returns its path.
 
-    It needs no display and leaves the settings of matplotlib unchanged.
+    A layer on a spring has a panel of its stick-slip, one of breakable grains a panel of their breakage.
     """
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure
-        figure.savefig(path, metadata={"Description": figure.get_label()})
-
-
-def plot_run(out: str | os.PathLike[str]) -> Path:
-    """Draw run.png of a run of shear-gouge: friction, layer, thickness and energy; returns its path."""
-    out = Path(out)
+    out, path = Path(out), Path(out) / f"run.{kind}"
     dataset = lsm.open_run(out / "run.nc")
     params, sheared = _params(dataset), _sheared(dataset)
-    with _figure(out / "run.png", (11, 8)) as figure:
-        (friction, packing), (thickness, energy) = figure.subplots(2, 2)
+    more = [draw_stick_slip] * on_a_spring(params) + [draw_breakage] * ("bond_count" in sheared)
+    places = "ab;cd" + ("", ";ee", ";ef")[len(more)]
+    with figure_at(path, (11, 12 if more else 8)) as figure:
+        panels = figure.subplot_mosaic(places)
+        friction, packing, thickness, energy = (panels[letter] for letter in "abcd")
         _draw_friction(friction, sheared, params)
         drawn = draw_packing(packing, read_snapshot(out / "grains.nc"))
         packing.set_title(f"(b) layer at strain {float(sheared.shear_strain[-1]):.2g}")
-        figure.colorbar(drawn, ax=packing, extend="both").set_label(BAR, fontsize=8.8)
+        beside = packing.inset_axes((1.05, 0.0, 0.05, 1.0))  # of the layer, whose width follows from its shape
+        figure.colorbar(drawn, cax=beside, extend="both").set_label(BAR, fontsize=8.8)
         _draw_thickness(thickness, sheared, COLOUR[params.shape])
         _draw_energy(energy, sheared)
+        for letter, draw in zip("ef", more):
+            draw(panels[letter], sheared, letter)
         figure.suptitle(wrapped(_conditions(params, sheared)))
-    return out / "run.png"
+    return path
 
 
-def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError) -> Path:
+def on_a_spring(params: Any) -> bool:
+    """Whether a spring pulls the top platen in a run with these parameters."""
+    return any(isinstance(getattr(params, name, None), int | float) for name in SPRINGS)  # files have none as a word
+
+
+def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError, kind: str = "png") -> Path:
     """Draw stopped.png: the layer when it was stopped, the grains of the error marked; returns its path."""
     out = Path(out)
     snapshot = read_snapshot(out / "grains.nc")
-    with _figure(out / "stopped.png", (9, 7)) as figure:
+    path = out / f"stopped.{kind}"
+    with figure_at(path, (9, 7)) as figure:
         axes = figure.subplots()
         drawn = draw_packing(axes, snapshot, marked=error.grains)
         figure.colorbar(drawn, ax=axes, extend="both").set_label(BAR, fontsize=8.8)
         axes.set_title("last snapshot, the grains at fault edged in red" if error.grains else "last snapshot")
         figure.suptitle(wrapped(str(error), 95))
-    return out / "stopped.png"
+    return path
 
 
-def plot_comparison(out: str | os.PathLike[str]) -> Path:
+def plot_comparison(out: str | os.PathLike[str], kind: str = "png") -> Path:
     """Draw friction.png from compare.nc and the files of the complete runs it names; returns its path."""
-    out = Path(out)
+    out, path = Path(out), Path(out) / f"friction.{kind}"
     table = lsm.open_run(out / "compare.nc")
     dim = int(table.dim[0])
     folders = {
-        shape: [out / path for path in table.path.values[(table["shape"] == shape) & (table.status == "complete")]]
+        shape: [out / folder for folder in table.path.values[(table["shape"] == shape) & (table.status == "complete")]]
         for shape in COLOUR
     }
     series = {shape: [lsm.open_run(f / "run.nc") for f in of_shape] for shape, of_shape in folders.items() if of_shape}
-    with _figure(out / "friction.png", (11, 8.4)) as figure:
+    with figure_at(path, (11, 8.4)) as figure:
         upper, lower = np.array(figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03), dtype=object)
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
@@ -105,11 +93,13 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
         figure.set_label("; ".join(f"{name_of(shape, dim)}: {estimate_text(e)}" for shape, e in found.items()))
         drawn, layers = None, lower.subplots(1, 2)
         for axes, shape, letter in zip(layers, COLOUR, "cd", strict=True):
-            axes.set_title(f"({letter}) no complete run of {name_of(shape, dim)}")
-            if shape in series:
-                last = float(series[shape][0].shear_strain[-1])
-                drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc"))
-                axes.set_title(f"({letter}) layer of {name_of(shape, dim)} at strain {last:.2g}", color=COLOUR[shape])
+            if shape not in series:
+                say_why_none(axes, table, shape, dim, letter)
+                continue
+            last = float(series[shape][0].shear_strain[-1])
+            drawn = draw_packing(axes, read_snapshot(folders[shape][0] / "grains.nc"))
+            # In two lines, since a 3D layer is narrow.
+            axes.set_title(f"({letter}) {name_of(shape, dim)}\nat strain {last:.2g}", color=COLOUR[shape])
         if drawn:
             limits = [axes.get_ylim() for axes, shape in zip(layers, COLOUR, strict=True) if shape in series]
             for axes in layers:
@@ -117,7 +107,16 @@ def plot_comparison(out: str | os.PathLike[str]) -> Path:
             lower.colorbar(drawn, ax=layers, extend="both", aspect=30).set_label(BAR)
             one = next(iter(series.values()))[0]
             figure.suptitle(wrapped(_conditions(_params(one), _sheared(one))))
-    return out / "friction.png"
+    return path
+
+
+def say_why_none(axes: Any, table: Any, shape: str, dim: int, letter: str) -> None:
+    """In place of a layer: that no run of the shape is complete, and how each of them ended."""
+    own = table.isel(run=(table["shape"] == shape).values)
+    ends = [f"seed {seed}: {status}" for seed, status in zip(own.seed.values, own.status.values, strict=True)]
+    text = "\n".join([f"({letter}) no complete run of {name_of(shape, dim)}", *ends])
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=10.5, color=COLOUR[shape])
+    axes.set_axis_off()
 
 
 def _params(dataset):
@@ -221,7 +220,7 @@ def published_rows() -> list[tuple]:
             continue
         still = "rotation suppressed" in r["conditions"]
         what = r["shape"].removeprefix("smooth ") + ("" if r["shape"] == "angular" else "s")
-        label = f"{what} {r['dimension']}D, {r['source']}"
+        label = f"{what} {r['dimension']}D{', no rotation' * still}, {r['source']}"
         rows.setdefault((r["dimension"], label, r["kind"], still), []).append(r["mu"])
     return [
         (d, float(np.mean(mu)), label, kind, "angular" if "angular" in label else "round", still, mu)
@@ -240,7 +239,7 @@ def _draw_published(axes, found, dim, singles):
         for s, e in found.items()
     ]
     rows.sort(key=lambda row: row[:3], reverse=True)
-    for y, (_, mean, _, kind, shape, still, values) in enumerate(rows):
+    for y, (_, mean, _, kind, shape, _, values) in enumerate(rows):
         colour = COLOUR[shape]
         if kind == "this run":
             axes.axhspan(y - 0.5, y + 0.5, color=colour, alpha=0.14, lw=0)
@@ -250,8 +249,6 @@ def _draw_published(axes, found, dim, singles):
             continue
         face = colour if kind == "laboratory" else "white"
         axes.plot(values, [y] * len(values), "s" if face == colour else "D", color=colour, ms=6, mfc=face, mew=1.5)
-        if still:
-            axes.text(mean - 0.02, y, "rotation suppressed", ha="right", va="center", fontsize=8.5, color="0.3")
     axes.set_yticks(range(len(rows)), [row[2] for row in rows], fontsize=9)
     for tick, row in zip(axes.get_yticklabels(), rows, strict=True):
         tick.set_fontweight("bold" if row[3] == "this run" else "normal")

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import xarray as xr
+from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
 from tests.helpers.pictures import curves, panels
-from workflows.plots import layer_pictures, run_plots
+from workflows.plots import layer_pictures, run_plots, slip_and_breakage
 
 
 def area(outline):
@@ -49,7 +51,7 @@ def test_grains_hardly_overlap_in_their_places(sheared):
 
 
 def test_positions_are_wrapped_and_velocities_relative_to_the_platen(sheared):
-    folder, params, _ = sheared("sphere")
+    folder, params, _ = sheared("round")
     snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
     assert snapshot.period == pytest.approx(10 * 1e3 * params.diameter)
     assert np.all((snapshot.position[:, 0] >= 0) & (snapshot.position[:, 0] < snapshot.period))
@@ -87,13 +89,94 @@ def test_only_checked_references_are_drawn():
     rows = run_plots.published_rows()
     assert sum(len(row[-1]) for row in rows) == sum(r["note"] != "unchecked" for r in lsm.published_friction())
     assert {row[3] for row in rows} == {"laboratory", "simulation"}
-    assert [row[2] for row in rows if row[5]] == ["discs 2D, Latham 2005", "spheres 3D, Latham 2005"]
+    assert [row[2] for row in rows if row[5]] == [
+        "discs 2D, no rotation, Latham 2005",
+        "spheres 3D, no rotation, Latham 2005",
+    ]
+    assert len({row[2:4] for row in rows}) == len(rows)  # no two rows have the same words
 
 
-def test_the_picture_of_a_run_is_written(sheared):
+@pytest.mark.parametrize(("kind", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_the_picture_of_a_run_is_written(sheared, kind, magic):
     folder, _, _ = sheared("angular")
-    path = run_plots.plot_run(folder)
-    assert path == folder / "run.png" and path.read_bytes().startswith(b"\x89PNG")
+    path = run_plots.plot_run(folder, kind)
+    assert path == folder / f"run.{kind}" and path.read_bytes().startswith(magic)
+
+
+def layer_on_a_spring():
+    """Rows of a layer that sticks for 9 of 10 rows and then catches up with the load point."""
+    time = np.linspace(0.0, 0.04, 41)  # [s]
+    load = 2e-3 * time  # [m]
+    displacement = 2e-3 * 0.01 * np.floor(time / 0.01 + 1e-9)
+    friction = 0.3 + 0.2 * (load - displacement) / load[10]
+    rows = {
+        "load_point_velocity": np.full(41, 2e-3),
+        "displacement": displacement,
+        "platen_shear_stress": 5e6 * friction,
+        "platen_normal_stress": np.full(41, 5e6),
+        "shear_strain": np.linspace(0.0, 1.0, 41),
+        "bond_count": np.linspace(200, 150, 41).astype(int),
+        "fragment_count": np.linspace(20, 44, 41).astype(int),
+    }
+    return xr.Dataset({name: ("time", values) for name, values in rows.items()}, coords={"time": time})
+
+
+def test_stick_slip_is_drawn_against_the_load_point_and_time():
+    rows = layer_on_a_spring()
+    axes = Figure().subplots()
+    slip_and_breakage.draw_stick_slip(axes, rows, "e")
+    axes.figure.draw_without_rendering()
+    (friction,) = axes.lines
+    assert np.allclose(friction.get_xdata(), 1e6 * 2e-3 * rows.time.values)  # [um]
+    assert np.allclose(friction.get_ydata(), rows.platen_shear_stress / 5e6)
+    slip = next(other for other in axes.figure.axes if other is not axes)
+    velocity, edges, _ = slip.patches[0].get_data()
+    assert np.allclose(edges, friction.get_xdata())
+    assert np.allclose(velocity[:9], 0.0, atol=1e-9) and velocity[9] == pytest.approx(10.0)  # 10 rows' way in one
+    (above,) = axes.child_axes
+    assert above.get_xlabel() == "time since shear began [ms]" and above.get_xlim() == pytest.approx((0.0, 40.0))
+
+
+def test_breakage_is_drawn_with_bonds_and_fragments():
+    axes = Figure().subplots()
+    slip_and_breakage.draw_breakage(axes, layer_on_a_spring(), "f")
+    assert axes.lines[0].get_ydata()[[0, -1]] == pytest.approx([0.0, 25.0])  # [%]
+    other = next(a for a in axes.figure.axes if a is not axes)
+    assert other.lines[0].get_ydata()[[0, -1]].tolist() == [20, 44]
+    assert axes.get_title() == "(f) breakage: 200 bonds, 20 to 44 fragments"
+
+
+def test_the_platens_are_unlike_every_colour_of_the_map(sheared):
+    """White and hatched: the middle of the map is grey."""
+    import matplotlib
+
+    folder, _, _ = sheared("round")
+    axes = Figure().subplots()
+    layer_pictures.draw_packing(axes, layer_pictures.read_snapshot(folder / "grains.nc"))
+    glued = axes.collections[0]
+    nearest = np.abs(matplotlib.colormaps[layer_pictures.MAP].colors - glued.get_facecolor()[0, :3]).max(axis=1).min()
+    assert nearest > 0.5 and glued.get_hatch()
+
+
+def test_the_arrow_of_the_shear_is_inside_the_frame_whatever_the_width(sheared):
+    folder, _, _ = sheared("round")
+    snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
+    axes = Figure().subplots()
+    layer_pictures.draw_packing(axes, snapshot)
+    (arrow,) = axes.texts
+    _, high = axes.get_ylim()
+    top = (snapshot.position[:, 1] + [o[:, 1].max() for o in snapshot.outlines]).max()
+    assert top < arrow.xy[1] < high and 0.0 < arrow.xy[0] < snapshot.period
+
+
+def test_a_shape_without_a_complete_run_says_how_its_runs_ended():
+    table = xr.Dataset({"shape": ("run", ["round", "angular", "angular"]), "seed": ("run", [1, 1, 2])})
+    table["status"] = ("run", ["complete", "failed", "interrupted"])
+    axes = Figure().subplots()
+    run_plots.say_why_none(axes, table, "angular", 2, "d")
+    (text,) = axes.texts
+    assert text.get_text() == "(d) no complete run of angular grains\nseed 1: failed\nseed 2: interrupted"
+    assert not axes.axison  # no empty frame
 
 
 def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
@@ -104,6 +187,7 @@ def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
     title = pictures[0].get_suptitle().replace("\n", " ")
     assert "Coulomb friction (coefficient 0.5), inertial number" in title and "stiffness number 1000" in title
     friction, layer, thickness, energy = panels(pictures[0], "abcd")
+    assert not any(axes.get_title("left").startswith("(e)") for axes in pictures[0].axes)  # no spring, no bonds
 
     drawn = curves(friction)
     assert np.array_equal(drawn["in the bulk"][0], strain)
