@@ -27,6 +27,7 @@ def plot_roughness(path: Path, rows: Rows, discs: NDArray, chain: NDArray) -> No
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FormatStrFormatter, LogLocator
 
     figure = Figure(figsize=(14, 3.8), layout="constrained")
     FigureCanvasAgg(figure)
@@ -45,6 +46,11 @@ def plot_roughness(path: Path, rows: Rows, discs: NDArray, chain: NDArray) -> No
     error.set(title="Shape error", ylabel="greatest distance / diameter [1]")
     friction.set(title="Friction of the layer, 95 % intervals", ylabel="friction [1]")
     cost.set(title="Cost", ylabel="time per grain and step [ns]")
+    error.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))  # less than two decades
+    error.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    for axes in (friction, cost):  # from 0, so that ratios are seen, with space for the legend
+        top = axes.dataLim.y1  # infinite where nothing is known
+        axes.set_ylim(0.0, 1.35 * top if np.isfinite(top) else 1.0)
     counts = sorted({r["elements"] for r in rows})
     for axes in (error, friction, cost):
         axes.set(xlabel="patches or discs per grain [1]", xscale="log", xlim=(0.8 * counts[0], 1.25 * counts[-1]))
