@@ -111,7 +111,7 @@ class Domain:
 
     def set_lengths(self, lengths: Sequence[float]) -> None:
         """Write the lengths of the cell (dim,) [m]; those of open axes do not matter."""
-        finite = np.where(self.periodic, lengths, 1.0).astype(float)
+        self.lengths = finite = np.where(self.periodic, lengths, 1.0).astype(float)  # as the fields below hold them
         write(self.length, finite)
         write(self.inverse_length, 1.0 / finite)
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..contact.pair_storage import ACTING, SLIDING, TOUCHING
-from ..core.allocation import read
 from ..core.errors import InputError
 from ..core.runtime import current, ti
 
@@ -282,7 +281,7 @@ class Measure:
     def volume(self, low: float = -EVERYWHERE, high: float = EVERYWHERE) -> float:
         """Volume [m3] of the cell between `low` and `high` [m]; not a number along an open axis."""
         domain = self.forces.domain
-        lengths = np.where(domain.periodic, read(domain.length), np.nan)
+        lengths = np.where(domain.periodic, domain.lengths, np.nan)
         if low > -EVERYWHERE and high < EVERYWHERE:
             lengths[1] = high - low
         return float(np.prod(lengths)) * self.thickness
@@ -293,7 +292,7 @@ class Measure:
             raise InputError(f"Measure.sums: high {high:g} m, must be > low, {low:g} m")
         if volume is not None and not volume > 0.0:
             raise InputError(f"Measure.sums: volume {volume:g} m3, must be > 0, or none for that of the cell")
-        length, everything = read(self.forces.domain.length)[1], low == -EVERYWHERE and high == EVERYWHERE
+        length, everything = float(self.forces.domain.lengths[1]), low == -EVERYWHERE and high == EVERYWHERE
         if self.forces.domain.periodic[1] and not everything and high - low > length * (1.0 + ROUNDING):
             raise InputError(
                 f"Measure.sums: high {high:g} m, must be <= {low + length:g} m: the cell is periodic in y with a "
