@@ -1,7 +1,6 @@
 """Exit codes and messages of `lsm`."""
 
 import contextlib
-import dataclasses
 import io
 import json
 import math
@@ -20,9 +19,8 @@ from rich.console import Console
 from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
 from workflows.cli.main import main
-from workflows.cli.progress import ProgressLine, format_line, heights
+from workflows.cli.progress import ProgressLine, format_line
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.run_cost import RunCost
 
 ROOT = Path(__file__).parents[3]
 
@@ -350,57 +348,6 @@ def test_live_progress_ends_with_the_last_report_of_every_label():
         line({"label": "[a]", "strain": 3.0})  # too soon to be shown, but the last one
     last = console.file.getvalue().split("\r")[-1]
     assert "[a]: strain 3.00" in last and "b: strain 2.00" in last
-
-
-def test_every_stage_has_a_line_also_if_it_follows_at_once():
-    console = Console(file=io.StringIO(), width=120)
-    line = ProgressLine(console=console)
-    for done in range(1, 4):  # the second and the third come too soon
-        line({"stage": "making shapes", "done": done, "total": 60})
-    line({"stage": "compiling"})
-    line({"stage": "consolidating", "height": 1.8e-3, "height_goal": 1.3e-3, "normal_stress": 2e3})
-    assert console.file.getvalue().splitlines() == [
-        "making shapes 1/60",
-        "compiling",
-        "consolidating | height 1.8 of 1.3 mm | sigma_n 2.00 kPa",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("height", "goal", "text"),
-    [(1.8, None, "1.8 m"), (0.2, 1.0, "0.2 of 1 m"), (5e-4, 3e-5, "500 of 30 um"), (0.0, 0.0, "0 of 0 m")],
-)
-def test_heights_are_in_the_unit_of_the_goal(height, goal, text):
-    assert heights(height, goal) == text
-
-
-COST = RunCost(steps=2.5e6, seconds=1200.0, memory=1.5e9)
-
-
-def test_what_a_run_takes_is_said_before_it_starts(toy, monkeypatch, capsys):
-    monkeypatch.setattr(toy, "estimate", lambda params: COST, raising=False)
-    assert main(["toy-run", "--preset", "demo"]) == 0
-    first, second, *rest = capsys.readouterr().out.splitlines()
-    assert first == "toy-run, preset demo: checking, then writing to out/toy-run"
-    assert second == "toy-run: about 2.5e+06 steps, 20 min, 1.5 GB of memory"
-    assert rest[0] == "noise from a library"
-    assert main(["list", "--presets"]) == 0
-    assert "  reference about 2.5e+06 steps, 20 min, 1.5 GB of memory" in capsys.readouterr().out.splitlines()
-
-
-@pytest.mark.parametrize(
-    ("cost", "words"),
-    [
-        (dataclasses.replace(COST, seconds=90_000.0), "--yes: is needed, as the run is expected to take 25 h"),
-        (dataclasses.replace(COST, memory=5.1e9), "5.1 GB of the machine's 10 GB of memory, more than half"),
-    ],
-)
-def test_what_takes_very_much_is_started_only_with_yes(toy, monkeypatch, tmp_path, capsys, cost, words):
-    monkeypatch.setattr(toy, "estimate", lambda params: cost, raising=False)
-    monkeypatch.setattr("workflows.cli.main.machine_memory", lambda: 1e10)
-    assert main(["toy-run"]) == 2
-    assert words in capsys.readouterr().err and not (tmp_path / "out").exists()
-    assert main(["toy-run", "--yes"]) == 0
 
 
 def test_a_claim_has_both_bound_and_verdict():
