@@ -18,7 +18,9 @@ GRAIN_BYTES = {("round", 2): 1.2e3, ("angular", 2): 2.0e3, ("round", 3): 1.5e3, 
 SHAPED_STEP = {"whole": 0.85, "breakable": 0.65}  # step of angular grains over that of the squares that stand in
 CELL = 1.1  # of the lattice on which the loose grains lie, in the largest of their bounding diameters
 REACH = {"round": 1.0, "angular": 1.35}  # bounding diameter of the largest grain over its equivalent one
-SETTLING = 40.0  # inertial times from the first contact with the platen to rest
+# Inertial times of the consolidation of a dense start (docs/decisions/0017-dense-start.md); of a loose one, from the
+# first contact with the platen on.
+SETTLING = {("round", 2): 13.0, ("angular", 2): 29.0, ("round", 3): 15.0, ("angular", 3): 55.0}
 
 
 def layer_cost(params: Params) -> RunCost:
@@ -27,10 +29,12 @@ def layer_cost(params: Params) -> RunCost:
     kind = (shape, p.dim)
     thickness, lengths = p.layer
     dt = expected_step(p)
-    # Consolidation: the servo brings the platen down at its greatest speed, then the layer comes to rest.
-    loose = mobile_count(p) * (CELL * REACH[shape] * p.largest_diameter) ** p.dim / float(np.prod(lengths))
-    fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
-    steps = p.inertial_time * (fall + SETTLING + p.strain / p.inertial_number) / dt
+    # Consolidation: of a loose start the servo first brings the platen down at its greatest speed.
+    fall = 0.0
+    if p.start == "loose":
+        loose = mobile_count(p) * (CELL * REACH[shape] * p.largest_diameter) ** p.dim / float(np.prod(lengths))
+        fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
+    steps = p.inertial_time * (fall + SETTLING[kind] + p.strain / p.inertial_number) / dt
     grains = mobile_count(p) * (p.pieces if p.breakable else 1)
     seconds = START[kind] + GRAIN_STEP[kind] * grains * steps
     return RunCost(steps, seconds, PROCESS_BYTES + GRAIN_BYTES[kind] * grains)
