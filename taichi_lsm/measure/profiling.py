@@ -55,6 +55,13 @@ class StageTimer:
         """Time of each stage once [s]: {name: seconds}."""
         dt = self.integrator.dt[None]
         self.integrator.dt[None] = 0.0
+        # The force of a dashpot, which it remembers, depends on the step, and so does what it dissipates at the onset.
+        tables = (
+            (self.grains, ("force", "torque", "dissipated")),
+            (self.forces.pairs, ("pair_force", "pair_torque", "history")),
+        )
+        loads = [getattr(table, name) for table, names in tables for name in names if hasattr(table, name)]
+        kept = [field.to_numpy() for field in loads]
         stages = {
             "contacts": self.contacts,  # first: it clears impulses, which every drift would apply once more
             "gather, integrate": self.drift,
@@ -69,6 +76,8 @@ class StageTimer:
                 if turn > 0:  # the first one compiles
                     taken[name].append((time.perf_counter() - began) / REPEATS)
         self.integrator.dt[None] = dt
+        for field, values in zip(loads, kept, strict=True):
+            field.from_numpy(values)
         return {name: sorted(values)[TURNS // 2] for name, values in taken.items()}
 
 

@@ -164,7 +164,7 @@ def observed(monkeypatch, tmp_path):
     monkeypatch.setattr(lsm, "LayerRecorder", Recorder)
     monkeypatch.setattr(lsm, "open_run", lambda path: series())
     monkeypatch.setattr(lsm, "runtime_profile_text", lambda sim: log.append("profile") or "")
-    monkeypatch.setattr(run_plots, "plot_run", lambda out: None)
+    monkeypatch.setattr(run_plots, "plot_run", lambda out, form: log.append(form))
     monkeypatch.setattr(compare_shapes, "run_replicas", jobs_of)
     monkeypatch.setattr(target_runs, "run_replicas", jobs_of)
 
@@ -196,7 +196,8 @@ def other_values(field, value):
     low, high = bounds.get("ge", bounds.get("gt", 1e-3)), bounds["le"]
     whole = int in members(field.annotation)
     near = [1.1 * value, 0.9 * value] if value else [1.5 * low, math.sqrt(max(low, 1e-6) * high), 0.05]
-    near = [value + 1, value - 1] if whole and value else [round(v) if whole else v for v in near]
+    apart = max(1, int(value) // 10) if whole and value else 1
+    near = [value + apart, value - apart] if whole and value else [round(v) if whole else v for v in near]
     return [v for v in near if low <= v <= high]
 
 
