@@ -24,7 +24,7 @@ class Guards:
     wall : float
         Centres may not pass plane walls, 1 or None.
     platen : float
-        Centres of mobile grains may not pass the platens of a layer, 1 or None.
+        Mobile grains may not lie beyond the centres of the platens of a layer, 1 or None.
     finite : float
         Positions, velocities and orientations are numbers, 1 or None.
 

@@ -61,7 +61,7 @@ class Monitor:
 
         They are: the greatest sum of contacts/m over the two grains of a contact [kg-1] and their ids; the greatest
         speed over half the least width [s-1] and its id; the id of a grain whose state is not a number, or -1; the id
-        of a grain beyond the platens `bottom` and `top`, or -1.
+        of a grain that lies wholly beyond the centres of the platens `bottom` and `top`, or -1.
         """
         g, p = self.grains, self.pairs
         n = g.count[None]
@@ -107,7 +107,8 @@ class Monitor:
             if ti.static(self.top != NO_PLATEN):
                 highest = self.extreme_height(ti.static(self.top), 1.0)
             for k in range(n):
-                if g.platen_index[k] < 0 and not lowest <= g.position[k][1] <= highest:
+                reach = ti.cast(g.radius[k], ti.f64)
+                if g.platen_index[k] < 0 and not lowest - reach <= g.position[k][1] <= highest + reach:
                     outside = g.id[k]
             result[0], result[1], result[2] = stiffest, first, second
             result[3], result[4], result[5], result[6] = fastest, fast, lost, outside
@@ -151,7 +152,7 @@ class Monitor:
             self._stop(f"grain {lost:.0f}: its position, velocity or orientation is not a number", [lost], {})
         if guards.platen and outside >= 0:
             self._stop(
-                f"grain {outside:.0f}: its centre went beyond the platens; use stiffer grains, less stress, or platens "
+                f"grain {outside:.0f}: it went beyond the platens; use stiffer grains, less stress, or platens "
                 "without gaps as wide as a grain",
                 [outside],
                 {},

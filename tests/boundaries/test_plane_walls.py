@@ -201,6 +201,7 @@ def test_energy_closes_between_moving_walls(discs):
     assert after - before == pytest.approx(work.sum(), abs=4e-4 * work[3])
 
 
+@pytest.mark.validate  # tests/physics/test_bits.py has a wall
 def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, monkeypatch):
     fly(discs, 0.6)
     half = state(discs)

@@ -186,7 +186,7 @@ def random_contacts(rng, dim, touching=1):
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     slip = rng.standard_normal((COUNT, dim)) * 0.05
     slip -= np.sum(slip * normal, axis=1)[:, None] * normal
-    change = rng.standard_normal((COUNT, dim)) * 0.01
+    change = rng.standard_normal((COUNT, dim)) * 0.01 if dim == 3 else np.zeros((COUNT, dim))  # none in 2D
     change -= np.sum(change * normal, axis=1)[:, None] * normal
     depth = DEPTH * rng.random(COUNT) * touching
     return {

@@ -24,17 +24,17 @@ from workflows.common.parameters import merge, option_name
 ROOT = Path(__file__).parents[2]
 WORKFLOWS = find_workflows()
 PAIRS = 80  # of options that are changed together, per workflow
-TINY_LAYER = {"layer_thickness": "8", "length": "6"}
+TINY_LAYER = {"layer_thickness": "8", "length": "6", "start": "loose"}  # a dense start takes longer to make
 TINY = {  # small runs of the workflows whose standard ones are large, from which single options are changed
     "shear-gouge": [
         TINY_LAYER | {"grains": "20"},
         TINY_LAYER | {"grains": "20", "shape": "angular", "breakable": True},
         TINY_LAYER | {"grains": "20", "dim": "3", "width": "4"},
-        TINY_LAYER | {"grains": "20", "dim": "3", "width": "5", "shape": "angular"},
+        TINY_LAYER | {"grains": "20", "dim": "3", "width": "5", "shape": "angular", "start": "dense"},
     ],
     "compare-shapes": [TINY_LAYER | {"grains": "20", "replicas": "1"}],
     "energy-conservation": [{"grains": "16", "order_grains": "16"}],
-    "shape-roughness": [TINY_LAYER],
+    "shape-roughness": [{name: text for name, text in TINY_LAYER.items() if name != "start"}],
 }
 # Values for what has neither bounds nor choices.
 FREE_LISTS = ("", "steps", "nonsense", "steps,nonsense", ",")

@@ -28,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("few_shapes")
 
 WORKFLOWS = find_workflows()
 LAYER = {"layer_thickness": 8.0, "length": 6.0, "grains": 20, "strain": 1.6, "inertial_number": 0.02}
+LAYER |= {"start": "loose"}  # a dense start takes longer to make
 RATE_AND_STATE = dict.fromkeys(("reference_coefficient", "direct_effect", "evolution_effect"), 0.1) | {
     "name": "rate_and_state_friction",
     "slip_distance": 1e-6,

@@ -1,6 +1,7 @@
 """Restitution of impacts off the centre: of angular grains with a plane wall and with each other, in 2D and 3D."""
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
@@ -92,10 +93,14 @@ def check(dim):
     assert np.abs(e - E).max() < 0.01 * E
 
 
-@scenes.both_precisions
+PRECISIONS = [scenes.KEY_PRECISIONS[0], pytest.param("f32", marks=pytest.mark.validate)]
+
+
+@pytest.mark.parametrize("runtime", PRECISIONS, indirect=True)
 def test_rods_rebound_with_the_restitution_asked_for(runtime):
     check(2)
 
 
+@pytest.mark.validate  # long to compile
 def test_boxes_rebound_with_the_restitution_asked_for(runtime):
     check(3)

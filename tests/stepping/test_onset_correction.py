@@ -65,7 +65,8 @@ def collisions(dim, integrator, dt=1e-3, time=4.0):
 
 
 @pytest.mark.skipif(scenes.PRECISION == "f32", reason="the errors are below the rounding of f32")
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validate)])  # 3D takes a minute
+@pytest.mark.validate  # tests/experiments/test_accuracy_collisions.py has the order
+@pytest.mark.parametrize("dim", [2, 3])
 def test_onset_correction_cuts_the_error_of_collisions_by_thirty(dim):
     plain, corrected = collisions(dim, lsm.VelocityVerlet), collisions(dim, lsm.OnsetVerlet)
     assert len(plain) > 100 and len(corrected) > 100

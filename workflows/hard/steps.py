@@ -179,7 +179,7 @@ def through_a_wall(bench: Bench) -> float:
     return math.inf
 
 
-@hard("Grain that slips through a platen", "distance beyond the platen at the stop, in diameters", 0.5)
+@hard("Grain that slips through a platen", "distance beyond the platen at the stop, in diameters", 1.0)
 def through_a_platen(bench: Bench) -> float:
     """A platen whose glued grains leave a gap, or yield, lets a grain out of the layer.
 
