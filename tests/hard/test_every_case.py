@@ -9,6 +9,7 @@ EXPENSIVE = {  # to compile or to run: `make validate` runs them
     "any_list",
     "brushing_edges",
     "coincident_centres",
+    "corner_on_corner",
     "creep_of_the_friction",
     "creep_of_the_thickness",
     "crossed_edges",

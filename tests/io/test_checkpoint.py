@@ -169,6 +169,7 @@ def test_files_whose_values_do_not_fit_leave_the_simulation_alone(saved, tmp_pat
     check_refused(saved, copy, r"status has shape \(7,\), must be \(1,\)")
 
 
+@pytest.mark.validate  # test_scene_identity.py compares every input of a scene
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [

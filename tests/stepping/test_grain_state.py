@@ -73,10 +73,10 @@ def test_bytes_of_a_grain_and_of_a_pair(runtime):
     assert bytes_per_row(full, SIZES) - bytes_per_row(slim, SIZES) == REAL + 2 * 4 + 8 + 2 * REAL
 
 
-ELASTIC_ARCS = pytest.param("elastic_arcs", marks=pytest.mark.validate)
+ARCS = [pytest.param(name, marks=pytest.mark.validate) for name in ("elastic_arcs", "frictional_arcs")]
 
 
-@pytest.mark.parametrize("name", ["elastic_discs", "frictional_discs", ELASTIC_ARCS, "frictional_arcs"])
+@pytest.mark.parametrize("name", ["elastic_discs", "frictional_discs", *ARCS])
 def test_simulation_pays_only_for_its_effects(reference_packing, name):
     sim = reference_packing(name)
     kind, body = name.split("_")
