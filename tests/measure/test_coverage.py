@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 
 from taichi_lsm.measure.statistics import combine_replicas, difference, steady_state
 
-TRIALS = 2000  # the share that is covered is known to 0.005
+TRIALS = 4000  # the share that is covered is known to 0.0035
 SAMPLES = 30  # independent samples within each run
 FREEDOM = SAMPLES / 5  # of the error within each run
 
