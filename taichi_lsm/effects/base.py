@@ -303,5 +303,5 @@ def effect_name(cls: type[Effect]) -> str:
 def check_elastic_constants(effect: Any) -> None:
     """Raise InputError unless the effect's youngs_modulus and poissons_ratio are those of a solid."""
     modulus, ratio = effect.youngs_modulus, effect.poissons_ratio
-    require(finite(modulus) and modulus > 0.0, effect, "youngs_modulus", modulus, "> 0 Pa")
+    require(finite(modulus) and modulus > 0.0, effect, "youngs_modulus", modulus, "a number > 0 Pa, such as 70e9")
     require(finite(ratio) and -1.0 < ratio <= 0.5, effect, "poissons_ratio", ratio, "> -1 and <= 0.5")
