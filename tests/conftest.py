@@ -2,7 +2,7 @@
 
 Taichi 1.7 numbers all nodes of a process in a table of 1024 and writes past its end without a word; a simulation takes
 100 to 250 of them, and Taichi cannot be started afresh in one process while sparse fields exist. So the test process
-itself never starts Taichi: its tests run in a child, which a fork makes in a third of a second. A module begins with an
+itself never starts Taichi: its tests run in a child, a fork of it. A module begins with an
 empty table, because Taichi finds a kernel in its cache only if the nodes have the same numbers as before; when the
 table fills up, the module goes on in the next child, with module fixtures of its own. A child that dies is one failed
 test, and the rest goes on.

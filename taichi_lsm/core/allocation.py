@@ -94,12 +94,21 @@ def write(field: Any, values: npt.ArrayLike) -> None:
         Scalar or vector field of any shape, a row for each of its elements, and of any type but 64-bit integers.
     values
         A number for each component of each row that is written, rows in the order of the indices.
+
+    Raises
+    ------
+    InputError
+        If there are more values than the field has room for, or not whole rows.
     """
     flat = np.array(values, dtype=np.float64).reshape(-1)  # a copy: the caller may change its own before it is written
+    room = _numbers(field)
+    if flat.size > room or flat.size % int(np.prod(_width(field))):
+        raise InputError(f"values: {flat.size} numbers for a field of {room}, must be whole rows and no more than that")
     if _collected is None:
         _write_now(field, flat)
     else:
-        _collected[id(field)] = (field, flat)
+        before = _collected.get(id(field), (field, flat))[1]
+        _collected[id(field)] = (field, np.concatenate([flat, before[flat.size :]]))
 
 
 def read(field: Any) -> npt.NDArray:
@@ -107,9 +116,14 @@ def read(field: Any) -> npt.NDArray:
     if _collected is None or id(field) not in _collected:
         return field.to_numpy()
     flat = _collected[id(field)][1]
-    raw = np.zeros((*field.shape, *_width(field)), flat.dtype)
-    raw.reshape(-1)[: len(flat)] = flat
+    raw = field.to_numpy() if flat.size < _numbers(field) else np.empty((*field.shape, *_width(field)))
+    raw.reshape(-1)[: flat.size] = flat
     return raw
+
+
+def _numbers(field: Any) -> int:
+    """How many numbers a field holds."""
+    return int(np.prod((*field.shape, *_width(field))))
 
 
 def _width(field: Any) -> tuple[int, ...]:

@@ -165,25 +165,12 @@ def _tables(sim: "Simulation") -> list[tuple[str, Sequence[Variable], Any, int]]
 
 def _identity(sim: "Simulation") -> dict[str, Any]:
     """What two simulations must share, as attributes of the file."""
-    scene = sim.scene
     return {
         "format": np.int64(FORMAT),
         "title": "Checkpoint of a simulation of grains",
-        "dim": np.int64(scene.dim),
         "grains": np.int64(len(sim.grains)),
         "precision": sim.runtime.precision,
-        "effects": ", ".join(type(e).__name__ + (f" ({e.variant})" if e.variant else "") for e in scene.effects),
-        "integrator": scene.integrator.__name__,
-        "shapes": ", ".join(sorted({s.name for s in scene.shapes})),
-        "platens": ", ".join(p.name for p in scene.platens),
-        "walls": ", ".join(w.name for w in scene.walls),
-        "shear_rate": float(scene.shear_rate),
-        "periodic": ", ".join(axis for axis, repeats in zip("xyz", scene.periodic, strict=False) if repeats),
-        "track_dissipation": np.int64(bool(scene.track_dissipation)),
-        "energy_channels": np.int64(sim.spec.channels),
-        "history": np.int64(sim.spec.history),
-        **({"bonds": np.int64(sim.bonds.count)} if sim.bonds else {}),
-        **{f"{OF_SCENE}{name}": text for name, text in scene_identity(scene).items()},
+        **{f"{OF_SCENE}{name}": text for name, text in scene_identity(sim.scene).items()},
     }
 
 
@@ -193,10 +180,9 @@ def _require_same(sim: "Simulation", path: Path, file: netCDF4.Dataset) -> None:
             raise InputError(f"checkpoint {path}: {name} missing, {EXPECTED}")
         theirs = file.getncattr(name)
         if theirs != mine:
-            saved, present = ("none" if text == "" else text for text in (theirs, mine))
             shown = name.replace(OF_SCENE, "Scene.")
             raise InputError(
-                f"checkpoint {path}: {shown} is {saved}, but the scene has {present}; "
+                f"checkpoint {path}: {shown} is {theirs}, but the scene has {mine}; "
                 "restore it into a simulation of the scene that it was saved from"
             )
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.schema import Variable
 from .netcdf_variables import put_text, put_variable
 
@@ -70,6 +71,18 @@ def put_effects(dataset: "netCDF4.Dataset", effects: Sequence["Effect"]) -> None
 
 
 def read_effects(dataset: "xarray.Dataset") -> list[EffectParameter]:
-    """Rows of the table of effects of an open file of a run."""
+    """Rows of the table of effects of one run, an open run.nc; [] if no effect acted.
+
+    Raises
+    ------
+    InputError
+        If it is no run that `open_run` has opened, or several runs together.
+    """
+    if not hasattr(dataset, "data_vars") or "run" in dataset.dims or "effect_name" not in dataset.variables:
+        raise InputError(
+            f"read_effects: {type(dataset).__name__} of no single run, must be lsm.open_run(FOLDER/run.nc)"
+        )
+    if VALUE.name not in dataset.variables:
+        return []
     columns = (dataset[f"parameter_{name}"].values.tolist() for name in EffectParameter._fields)
     return [EffectParameter(*row) for row in zip(*columns, strict=True)]

@@ -66,3 +66,20 @@ def test_of_two_values_the_later_one_is_written(fields):
         values[:] = 0.0
         assert read(fields["row"]).tolist()[:2] == [9, 9]
     assert fields["row"].to_numpy()[:2].tolist() == [9, 9]
+
+
+def test_parts_that_are_collected_add_up_as_if_written_at_once(fields):
+    write(fields["row"], first("row"))
+    with writing_together():
+        write(fields["row"], [7, 8, 9])
+        write(fields["row"], [6])
+        assert read(fields["row"]).tolist() == [6, 8, 9, 4, 5]
+    assert fields["row"].to_numpy().tolist() == [6, 8, 9, 4, 5]
+
+
+@pytest.mark.parametrize(("name", "values"), [("number", [1.0, 2.0]), ("row", np.zeros(6)), ("vectors", np.zeros(4))])
+def test_more_values_than_room_and_broken_rows_are_refused(fields, name, values):
+    before = fields[name].to_numpy()
+    with pytest.raises(InputError, match="must be whole rows and no more than that"):
+        write(fields[name], values)
+    assert np.array_equal(fields[name].to_numpy(), before)

@@ -173,8 +173,11 @@ def test_files_whose_values_do_not_fit_leave_the_simulation_alone(saved, tmp_pat
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"track_dissipation": False}, "track_dissipation is 0, but the scene has 1; restore it into"),
-        ({"lengths": (9.0, 9.0), "periodic": (True, False)}, "periodic is x, but the scene has none"),
+        ({"track_dissipation": False}, "Scene.track_dissipation is false, but the scene has true; restore it into"),
+        (
+            {"lengths": (9.0, 9.0), "periodic": (True, False)},
+            "Scene.lengths is 9.0, 9.0, but the scene has Infinity, Infinity",
+        ),
     ],
 )
 def test_checkpoints_of_scenes_that_keep_other_rows_are_refused(saved, tmp_path, changes, reason):

@@ -140,6 +140,9 @@ def test_many_runs_open_as_one_with_what_tells_them_apart(tmp_path):
 def test_the_effects_that_acted_are_a_table(tmp_path):
     run_writer(tmp_path / "run.nc", effects=effects()).close("complete")
     rows = {(row.effect, row.name): row for row in read_effects(open_run(tmp_path / "run.nc"))}
+    for other in (str(tmp_path / "run.nc"), open_run(tmp_path / "run.nc").expand_dims(run=["a", "b"])):
+        with pytest.raises(lsm.InputError, match=r"read_effects: .* of no single run, must be lsm\.open_run"):
+            read_effects(other)
     assert rows["linear_elastic", "stiffness"][1:] == ("elasticity", "stiffness", "N m-1", "100000", 1e5)
     assert rows["rate_and_state_friction", "reference_coefficient"].value == 0.1
     evolution = rows["rate_and_state_friction", "evolution"]

@@ -103,8 +103,8 @@ def whole_grains(
     shape_index = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
     rotation = lsm.random_rotations(rng, count, p.dim)
     reach = np.array([s.bounding_radius for s in shapes])[shape_index] * diameter
-    hulls = Hulls([s.spanning_balls() for s in shapes], shape_index, diameter, rotation, reach)
-    position, heights = _between(p, rng, hulls, platens)
+    unplaced = Unplaced([s.spanning_balls() for s in shapes], shape_index, diameter, rotation, reach)
+    position, heights = _between(p, rng, unplaced, platens)
     return MobileGrains(shapes, shape_index, position, diameter, rotation, heights, None)
 
 
@@ -140,8 +140,8 @@ def breakable_grains(
     kind = rng.integers(0, len(whole), count)
     angle = lsm.random_rotations(rng, count, p.dim)
     reach = np.array([grain.reach for grain in whole])[kind] * size
-    hulls = Hulls([grain.spanning_balls() for grain in whole], kind, size, angle, reach)
-    middle, heights = _between(p, rng, hulls, platens)
+    unplaced = Unplaced([grain.spanning_balls() for grain in whole], kind, size, angle, reach)
+    middle, heights = _between(p, rng, unplaced, platens)
     c, s = np.cos(angle), np.sin(angle)
     rotate = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
     arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
@@ -156,7 +156,7 @@ def breakable_grains(
     )
 
 
-class Hulls(NamedTuple):
+class Unplaced(NamedTuple):
     """Outlines of grains before they have a place: arguments of `lsm.dense_packing`, and bounding radii (n,) [m]."""
 
     balls: list[tuple[NDArray, NDArray]]
@@ -167,26 +167,26 @@ class Hulls(NamedTuple):
 
 
 def _between(
-    params: Params, rng: np.random.Generator, hulls: Hulls, platens: "Platens"
+    params: Params, rng: np.random.Generator, grains: Unplaced, platens: "Platens"
 ) -> tuple[NDArray, tuple[float, float]]:
     """Places of grains (n, dim) [m] without overlap, and the heights [m] of the platens below and above them."""
     p, lengths = params, params.layer[1]
-    least_cell(p, 2.0 * float(hulls.reach.max()), "grains")
+    least_cell(p, 2.0 * float(grains.reach.max()), "grains")
     (low, low_size), (high, high_size) = platens
     if p.start == "loose":
-        place = lsm.loose_packing(rng, hulls.reach, lengths, p.dim)
-        top = (place[:, 1] + hulls.reach).max()
+        place = lsm.loose_packing(rng, grains.reach, lengths, p.dim)
+        top = (place[:, 1] + grains.reach).max()
         return place, (-(low[:, 1] + 0.5 * low_size).max(), top - (high[:, 1] - 0.5 * high_size).min())
     # Grains reach into the valleys of the platens, so heights count from the mean of the innermost points.
     floor, roof = -(low[:, 1] + 0.5 * low_size).mean(), -(high[:, 1] - 0.5 * high_size).mean()
     up = np.eye(p.dim)[1]
     one = lsm.disc() if p.dim == 2 else lsm.sphere()
-    solid = one.measure * float((hulls.diameter**p.dim).sum())
+    solid = one.measure * float((grains.diameter**p.dim).sum())
     # At least a single layer fits in.
-    height = max(solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths))), 2.0 * float(hulls.reach.max()))
+    height = max(solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths))), 2.0 * float(grains.reach.max()))
     inner = (low + floor * up, low_size), (high + roof * up, high_size)
     with in_terms_of("--start dense", "give --start loose"):
-        place, raised = lsm.dense_packing(rng, *hulls[:4], lengths, inner, height)
+        place, raised = lsm.dense_packing(rng, *grains[:4], lengths, inner, height)
     return place, (floor, roof + raised)
 
 

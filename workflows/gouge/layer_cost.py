@@ -11,7 +11,7 @@ from workflows.gouge.parameters import Params
 
 # By shape and dimension: time per grain and step, the inverse of `grain_steps_per_second` in summary.json, and time to
 # make the shapes and to compile [s].
-GRAIN_STEP = {("round", 2): 40e-9, ("angular", 2): 110e-9, ("round", 3): 90e-9, ("angular", 3): 350e-9}
+GRAIN_STEP = {("round", 2): 40e-9, ("angular", 2): 110e-9, ("round", 3): 90e-9, ("angular", 3): 500e-9}
 START = {("round", 2): 8.0, ("angular", 2): 25.0, ("round", 3): 10.0, ("angular", 3): 50.0}
 PROCESS_BYTES = 4e8  # of a process with its compiled kernels, before the grains
 GRAIN_BYTES = {("round", 2): 1.2e3, ("angular", 2): 2.0e3, ("round", 3): 1.5e3, ("angular", 3): 4.0e3}
