@@ -124,9 +124,9 @@ def _record(
     """All stages of the run, with their files; returns grain steps per second of the shear."""
     scene = sim.scene
     title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
-    summary = (
-        f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared at constant velocity."
-    )
+    pulled = isinstance(sim.platens.drives[1][0], lsm.SpringLoadPoint)
+    drive = "by a load point on a spring" if pulled else "at constant velocity"
+    summary = f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared {drive}."
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene
     with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed, scalars) as recorder:

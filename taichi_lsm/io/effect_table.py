@@ -76,9 +76,9 @@ def read_effects(dataset: "xarray.Dataset") -> list[EffectParameter]:
     Raises
     ------
     InputError
-        If it is no run that `open_run` has opened, or several runs together.
+        If it is no dataset, such as a path, or several runs together.
     """
-    if not hasattr(dataset, "data_vars") or "run" in dataset.dims or "effect_name" not in dataset.variables:
+    if not hasattr(dataset, "data_vars") or "run" in dataset.dims:
         raise InputError(
             f"read_effects: {type(dataset).__name__} of no single run, must be lsm.open_run(FOLDER/run.nc)"
         )

@@ -26,11 +26,16 @@ def grain_words(scene: lsm.Scene) -> str:
 
 
 def friction_words(run: xarray.Dataset) -> str:
-    """Friction between the grains of a run: "coulomb friction (coefficient 0.5)"; from the effects in its file."""
+    """Friction between the grains of a run: "Coulomb friction (coefficient 0.5)"; from the effects in its file."""
     rows = [row for row in lsm.read_effects(run) if row.role == "friction"]
     if not rows:
         return "no friction"
     numbers = [
         f"{row.name.replace('_', ' ')} {row.value:g}" for row in rows if row.unit == "1" and row.value == row.value
     ]
-    return f"{rows[0].effect.replace('_', ' ').replace('coulomb', 'Coulomb')} ({', '.join(numbers)})"
+    return f"{effect_words(rows[0].effect)} ({', '.join(numbers)})"
+
+
+def effect_words(name: str) -> str:
+    """The name of an effect as a text has it: "coulomb_friction" is "Coulomb friction"."""
+    return name.replace("_", " ").replace("coulomb", "Coulomb")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import taichi_lsm as lsm
-from workflows.gouge.labels import ROUND, friction_words
+from workflows.gouge.labels import ROUND, effect_words, friction_words
 from workflows.gouge.parameters import SPRINGS
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 from workflows.plots.layer_pictures import BAR, draw_packing, read_snapshot
@@ -306,8 +306,7 @@ def _draw_energy(axes, sheared):
     stored = (since.translational_energy + since.rotational_energy + since.elastic_energy).values
     unit, factor = _unit(np.abs(work).max())
     kinds = [i for i in range(lost.shape[1]) if np.any(lost[:, i])]
-    effects = [str(sheared.effect_name.values[i]).replace("_", " ").replace("coulomb", "Coulomb") for i in kinds]
-    names = [f"dissipated: {effect}" for effect in effects]
+    names = [f"dissipated: {effect_words(str(sheared.effect_name.values[i]))}" for i in kinds]
     axes.stackplot(
         strain, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
     )
