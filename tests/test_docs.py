@@ -236,7 +236,7 @@ def test_decisions_are_listed():
         assert f"({path.name})" in index
 
 
-DEMO_ROWS = {"discs": "friction_sphere", "angular grains": "friction_angular", "difference": "friction_difference"}
+DEMO_ROWS = {"discs": "friction_round", "angular grains": "friction_angular", "difference": "friction_difference"}
 
 
 def demo_metrics():

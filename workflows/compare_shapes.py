@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import xarray
 
 SHAPES = ("round", "angular")
-METRIC_OF = {"round": "friction_sphere", "angular": "friction_angular"}  # the metrics keep the names they always had
 
 # Columns of compare.nc that are metrics of a run, by the names that `shear_gouge.analyse` gives them.
 COLUMNS = [
@@ -229,7 +228,7 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
     """Metrics of the comparison; None where no run gives a value."""
     found, metrics = estimates(table), {}
     for shape in SHAPES:
-        metrics |= metrics_of_estimate(f"{METRIC_OF[shape]}_mean", f"{METRIC_OF[shape]}_se", found.get(shape))
+        metrics |= metrics_of_estimate(f"friction_{shape}_mean", f"friction_{shape}_se", found.get(shape))
     apart = lsm.statistics.difference(found["angular"], found["round"]) if len(found) == 2 else None
     metrics |= metrics_of_estimate("friction_difference", "friction_difference_se", apart)
     for name, column in WORST.items():

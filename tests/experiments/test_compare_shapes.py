@@ -6,6 +6,7 @@ import signal
 
 import numpy as np
 import pytest
+import xarray
 from pydantic import ValidationError
 
 import taichi_lsm as lsm
@@ -49,6 +50,23 @@ def test_wrong_values_are_refused(values, words):
 def test_what_the_angular_run_refuses_is_refused_before_any_run():
     with pytest.raises(ValidationError, match="stiffness-number"):
         compare_shapes.Params(corner_radius=0.01, stiffness_number=200.0)
+
+
+def table_of(*rows):
+    """A table of runs such as compare.nc, from (shape, status, friction, why its error is unknown) of each run."""
+    columns = {column.name: ("run", [mean for _, _, mean, _ in rows]) for column in compare_shapes.COLUMNS}
+    columns |= {"friction_se": ("run", [np.nan if why or status != "complete" else 0.01 for _, status, _, why in rows])}
+    columns |= {"seed": ("run", range(1, len(rows) + 1)), "friction_ess": columns["friction_se"]}
+    for name, at in (("shape", 0), ("status", 1)):
+        columns[name] = ("run", [row[at] for row in rows])
+    return xarray.Dataset(columns)
+
+
+def test_metrics_are_named_as_the_shapes_are():
+    """Discs in 2D are no spheres: the metrics call both round."""
+    metrics = compare_shapes.analyse(table_of(("round", "complete", 0.2, ""), ("angular", "complete", 0.4, "")))
+    means = {name: metric.value for name, metric in metrics.items() if name.endswith("_mean")}
+    assert means == {"friction_round_mean": 0.2, "friction_angular_mean": 0.4}
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +119,8 @@ def test_errors_and_intervals_follow_from_the_replicas(compared):
     out, table, _ = compared
     metrics = json.loads((out / "summary.json").read_text())["metrics"]
     mean, error = {}, {}
-    for shape, metric in compare_shapes.METRIC_OF.items():
+    for shape in compare_shapes.SHAPES:
+        metric = f"friction_{shape}"
         own = table.friction_mean.values[table["shape"].values == shape]
         mean[shape], error[shape] = own.mean(), own.std(ddof=1) / np.sqrt(2)  # so short runs know no error of their own
         assert metrics[f"{metric}_mean"]["value"] == pytest.approx(mean[shape])
