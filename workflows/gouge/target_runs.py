@@ -12,6 +12,7 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, number, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
+from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.parameters import to_toml
 from workflows.common.refusals import derived
 from workflows.common.run_table import write_runs
@@ -28,8 +29,7 @@ COLUMNS = [
     lsm.Variable("friction_mean", ("run",), "f64", "1", "mean friction of steady shear, in the bulk of the layer"),
     lsm.Variable("friction_se", ("run",), "f64", "1", "standard error of friction_mean within the run, nan if unknown"),
 ]
-
-
+TEXTS = {"path": "folder of the run, relative to this file"}
 HALF_WIDTH = "half-width of the 95 % interval of friction_mean"
 SCATTER = "the runs scatter more than was foreseen from other layers: lower --target-error, or raise --length"
 
@@ -67,25 +67,8 @@ def run_to_target(
     watch, runs = Stopwatch(), runs_of(params, plan)
     jobs = [(label, workflow, of_run, out / "runs" / label) for label, of_run in runs.items()]
     run_replicas(jobs, 2, progress)
-    rows, steps = [], []
-    for label, of_run in runs.items():
-        dataset = lsm.open_run(out / "runs" / label / "run.nc")
-        metrics = analyse(dataset, of_run)
-        means = {name: number(metrics[name]) for name in ("friction_mean", "friction_se")}
-        rows.append({"seed": of_run.seed, "path": f"runs/{label}", **means})
-        steps.append(dataset.dt)
-    table = write_runs(
-        out / "target.nc",
-        rows,
-        COLUMNS,
-        params,
-        min(steps),
-        "Friction of a layer to a wanted error",
-        f"Runs that were planned for an error of {target:g} of the mean friction.",
-        parameters=("seed",),
-        text={"path": "folder of the run, relative to this file"},
-    )
-    means, errors = ([r[name] for r in rows] for name in ("friction_mean", "friction_se"))
+    table = collect(runs, params, out, analyse)
+    means, errors = (table[name].values.tolist() for name in ("friction_mean", "friction_se"))
     as_run = params.model_copy(update={"strain": plan.strain})
     error = target_error.reached(row, as_run, means, errors, f"{plan.step_safety:g}")
     mean = float(np.mean(means))
@@ -101,3 +84,34 @@ def run_to_target(
     }
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return table
+
+
+def collect(
+    runs: dict[str, Params], params: Params, out: Path, analyse: Callable[[xarray.Dataset, Params], dict[str, Metric]]
+) -> xarray.Dataset:
+    """Write target.nc from the files of the runs, one row each with its parameters, and return it.
+
+    The target error is that of the experiment: the runs themselves have none.
+    """
+    rows, steps = [], []
+    wanted = [scalar for scalar in parameter_coordinates(params) if scalar.name == "target_error"]
+    shared = wanted
+    for label, of_run in runs.items():
+        dataset = lsm.open_run(out / "runs" / label / "run.nc")
+        metrics = analyse(dataset, of_run)
+        shared = parameter_coordinates(of_run, without=("seed", "target_error")) + wanted
+        row = {"seed": of_run.seed, "path": f"runs/{label}"} | {scalar.name: scalar.value for scalar in shared}
+        rows.append(row | {name: number(metrics[name]) for name in ("friction_mean", "friction_se")})
+        steps.append(dataset.dt)
+    numbers, texts = columns_of(shared)
+    return write_runs(
+        out / "target.nc",
+        rows,
+        [*COLUMNS, *numbers],
+        params,
+        min(steps),
+        "Friction of a layer to a wanted error",
+        f"Runs that were planned for an error of {params.target_error:g} of the mean friction.",
+        parameters=("seed", *(scalar.name for scalar in shared)),
+        text=TEXTS | texts,
+    )
