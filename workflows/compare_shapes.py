@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.cli import signals
-from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
+from workflows.common.metrics import Metric, metrics_of_estimate, number, shown, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.parameters import to_toml
@@ -59,6 +59,7 @@ TEXTS = {
     "shape": "shape of the mobile grains",
     "status": "how the run ended: complete, failed or interrupted",
     "path": "folder of the run, relative to this file",
+    "note": "why friction_se is unknown; empty where it is known, and for runs that are not complete",
 }
 # Metrics of the comparison that are the largest value of a column over all runs.
 WORST = {
@@ -190,6 +191,7 @@ def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_
         row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
         metrics = shear_gouge.analyse(dataset, of_run) if dataset is not None and status == "complete" else {}
         row |= {v.name: number(metrics[v.name]) if metrics else np.nan for v in COLUMNS}
+        row["note"] = (metrics["friction_se"].note or "") if metrics else ""
         shared = parameter_coordinates(of_run, without=("shape", "seed", "stiffness_number"))  # the last is measured
         row |= {scalar.name: scalar.value for scalar in shared}
         rows.append(row)
@@ -234,19 +236,24 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
     for name, column in WORST.items():
         worst = float(np.abs(table[column]).max())
         bound, remedy = shear_gouge.BOUNDS[column], shear_gouge.REMEDIES[column]
-        metrics[name] = Metric(worst, "1", bound, worst < bound, remedy=remedy)
+        note = None if np.isfinite(worst) else "no complete run"
+        metrics[name] = Metric(worst, "1", bound, worst < bound, note=note, remedy=remedy)
     return metrics
 
 
 def table_text(table: xarray.Dataset) -> str:
-    """The runs as plain text, one line each below the titles."""
+    """The runs as plain text, one line each below the titles; "unknown" with the reason at the end of the line."""
     titles = ("shape", "seed", "status", "friction", "error", "samples", "at platen", "I", "energy residual")
     lines: list[tuple[str, ...]] = [titles]
+    notes = [""]
     for row in (table.isel(run=i) for i in range(table.sizes["run"])):
         text = (row["shape"].item(), str(row.seed.item()), row.status.item())
         names = ("friction_mean", "friction_se", "friction_ess", "platen_friction_mean", "inertial_number")
         numbers = [row[name].item() for name in (*names, "energy_residual")]
         formats = (".3f", ".3f", ".0f", ".3f", ".2g", ".2g")
-        lines.append((*text, *(format(n, f) for n, f in zip(numbers, formats, strict=True))))
+        complete = row.status.item() == "complete"  # other runs have no results at all
+        lines.append((*text, *(shown(n, f) if complete else "-" for n, f in zip(numbers, formats, strict=True))))
+        notes.append(row.note.item().removeprefix("unknown: "))
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join("  ".join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)
+    aligned = ("  ".join(c.rjust(w) for c, w in zip(line, widths, strict=True)) for line in lines)
+    return "\n".join(f"{line}  {note}".rstrip() for line, note in zip(aligned, notes, strict=True))

@@ -82,6 +82,8 @@ def run_kind(kind: str, precision: str, short: bool) -> Rows:
             value = float(case.run(bench))
         except (lsm.SimulationError, lsm.InputError) as error:
             value, reason = math.inf, reason or str(error)
+        if math.isnan(value):
+            value, reason = math.inf, reason or "the measure is not a number"
         bound = case.bound_in(precision)
         status = "passed" if value <= bound else "failed"
         if precision == "f32" and case.excepted:

@@ -106,7 +106,7 @@ def simulate(
         print(lsm.runtime_profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
-    metrics["grain_steps_per_second"] = Metric(rate, "s-1")
+    metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: one row")
     run_plots.plot_run(out, params.format)
     metrics |= watch.metrics()
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)

@@ -57,7 +57,7 @@ def table_of(*rows):
     columns = {column.name: ("run", [mean for _, _, mean, _ in rows]) for column in compare_shapes.COLUMNS}
     columns |= {"friction_se": ("run", [np.nan if why or status != "complete" else 0.01 for _, status, _, why in rows])}
     columns |= {"seed": ("run", range(1, len(rows) + 1)), "friction_ess": columns["friction_se"]}
-    for name, at in (("shape", 0), ("status", 1)):
+    for name, at in (("shape", 0), ("status", 1), ("note", 3)):
         columns[name] = ("run", [row[at] for row in rows])
     return xarray.Dataset(columns)
 
@@ -67,6 +67,18 @@ def test_metrics_are_named_as_the_shapes_are():
     metrics = compare_shapes.analyse(table_of(("round", "complete", 0.2, ""), ("angular", "complete", 0.4, "")))
     means = {name: metric.value for name, metric in metrics.items() if name.endswith("_mean")}
     assert means == {"friction_round_mean": 0.2, "friction_angular_mean": 0.4}
+
+
+def test_what_is_unknown_is_called_that_in_the_printed_table_with_the_reason():
+    why = "unknown: 12 effective samples, at least 20 are needed: shear further"
+    rows = ("round", "complete", 0.2, ""), ("round", "complete", 0.2, why), ("angular", "failed", np.nan, "")
+    text = compare_shapes.table_text(table_of(*rows))
+    _, known, unknown, failed = (line.split("  ") for line in text.splitlines())
+    assert "nan" not in text and "0.010" in known
+    assert "unknown" in unknown and unknown[-1] == why.removeprefix("unknown: ")
+    assert [cell.strip() for cell in failed if cell][2:] == ["failed", *["-"] * 6]
+    metrics = compare_shapes.analyse(table_of(("round", "failed", np.nan, "")))
+    assert all(metrics[name].note == "no complete run" for name in compare_shapes.WORST)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """The list of hard cases and what the workflow makes of their values; `tests/hard` runs the cases."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -67,6 +68,15 @@ def test_a_failed_case_is_written_down_and_fails_the_command(tmp_path, monkeypat
     assert table.case.values.tolist() == ["good", "good", "exact", "exact", "bad"]
     assert table.status.flag_meanings == "passed failed excepted"
     assert {"hard_cases.md", "hard_cases.png", "summary.json"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_a_measure_that_is_not_a_number_fails_its_case(monkeypatch):
+    lost = SimpleNamespace(name="lost", title="Lost", why="", measure="", unit="1", excepted="")
+    lost.run, lost.bound_in = (lambda bench: math.nan), (lambda precision: 1.0)
+    monkeypatch.setattr(hard_cases, "cases_of", lambda kind: [lost])
+    rows = hard_cases.run_kind("steps", "f64", True)
+    assert hard_cases.STATUS[rows[0]["status"]] == "failed" and rows[0]["reason"] == "the measure is not a number"
+    assert "nan" not in hard_cases.table_text(rows) and "nan" not in next(hard_cases.plain_lines(rows))
 
 
 def test_unknown_kinds_are_refused(tmp_path):

@@ -153,7 +153,8 @@ def _attributes(folder: Path) -> dict:
     for path in (folder / "run.nc", *sorted(folder.glob("*.nc"))):
         try:
             with _open(path) as file:
-                return {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
+                found = {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
+                return {name: value for name, value in found.items() if value == value}  # a table may have no step
         except OSError:
             continue
     return {"run_status": "unknown (no readable run.nc)"}

@@ -83,8 +83,8 @@ def failed_claims(summary: dict[str, Any]) -> list[str]:
     for name, entry in summary["metrics"].items():
         if entry.get("holds") is False:
             unit = "" if entry["unit"] == "1" else f" {entry['unit']}"
-            value, bound = _shown(entry["value"]) + unit, _shown(entry["bound"])
-            bound += unit if not isinstance(entry["bound"], str) else ""
+            value = shown(entry["value"]) + (unit if entry["value"] is not None else "")
+            bound = shown(entry["bound"]) + (unit if not isinstance(entry["bound"], str) else "")
             remedy = entry.get("remedy") or "the run is not as good as the experiment promises"
             lines.append(f"claim not met: {name} is {value}, claimed {bound}: {remedy}.")
     return lines
@@ -159,12 +159,15 @@ def print_summary(summary: dict, console: Console | None = None) -> None:
 def _cells(entry: dict) -> tuple[str, ...]:
     """Value, interval, unit, claim, verdict and note of a metric, "" where it has none."""
     interval = entry.get("interval")
-    between = f"{_shown(interval[0])} to {_shown(interval[1])}" if interval else ""
-    claimed = "" if "holds" not in entry else _shown(entry["bound"])
+    between = f"{shown(interval[0])} to {shown(interval[1])}" if interval else ""
+    claimed = "" if "holds" not in entry else shown(entry["bound"])
     verdict = "" if "holds" not in entry else "holds" if entry["holds"] else "FAILS"
     unit = "" if entry["unit"] == "1" else entry["unit"]
-    return _shown(entry["value"]), between, unit, claimed, verdict, entry.get("note", "")
+    return shown(entry["value"]), between, unit, claimed, verdict, entry.get("note", "")
 
 
-def _shown(value: float | int | str | None) -> str:
-    return "-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+def shown(value: float | int | str | None, form: str = ".4g") -> str:
+    """A value as tables and titles show it, a float in this form; "unknown" for None and for what is not a number."""
+    if value is None or value != value:
+        return "unknown"
+    return format(value, form) if isinstance(value, float) else str(value)

@@ -29,6 +29,7 @@ REMEDIES = {  # what it means if such a claim does not hold, and what to change
     ),
     "normal_stress_rms": "the normal stress fluctuates: lower --inertial-number, or raise --length",
 }
+NO_STIFFNESS = "unknown: none of the effects has a stiffness"
 
 
 def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
@@ -49,6 +50,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
     rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
     apart = abs(platen.mean / friction.mean - 1.0)
+    number = float(dataset.stiffness_number)
     metrics = {
         **metrics_of_estimate("friction_mean", "friction_se", friction),
         "friction_ess": Metric(friction.effective_samples, "1"),
@@ -56,7 +58,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "platen_bulk_difference": Metric(apart, "1"),
         "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
-        "stiffness_number": Metric(float(dataset.stiffness_number), "1"),
+        "stiffness_number": Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS),
         "energy_residual": Metric(float(residual), "1"),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),

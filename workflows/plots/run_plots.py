@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import taichi_lsm as lsm
+from workflows.common.metrics import shown
 from workflows.gouge.labels import ROUND, effect_words, friction_words
 from workflows.gouge.parameters import SPRINGS
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
@@ -168,7 +169,8 @@ def _conditions(params, sheared):
     size = f"{1e6 * params.smallest_diameter:g} to {1e6 * params.largest_diameter:g} µm"
     return (
         f"{params.dim}D gouge, grains {size}, normal stress {params.normal_stress / 1e6:g} MPa, "
-        f"{friction_words(sheared)}, inertial number {rate:.2g}, stiffness number {float(sheared.stiffness_number):.4g}"
+        f"{friction_words(sheared)}, inertial number {shown(rate, '.2g')}, "
+        f"stiffness number {shown(float(sheared.stiffness_number))}"
     )
 
 

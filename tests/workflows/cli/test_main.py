@@ -290,6 +290,14 @@ def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
     assert "run.nc time 4; 0 variables" in text and "grains.nc unreadable" in text
 
 
+def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
+    with netCDF4.Dataset(tmp_path / "hard_cases.nc", "w") as file:
+        file.dt, file.seed = math.nan, 3
+    assert main(["info", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "seed: 3" in out and "nan" not in out and "dt" not in out
+
+
 def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
     opened = []
     monkeypatch.setattr(inspect_run, "_open", lambda path: opened.append(path.relative_to(tmp_path)) or closed())

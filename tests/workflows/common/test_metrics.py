@@ -11,7 +11,7 @@ import pytest
 import workflows
 from taichi_lsm.measure.statistics import Estimate
 from workflows.common import stopwatch
-from workflows.common.metrics import Metric, failed_claims, metrics_of_estimate, read_summary, write_summary
+from workflows.common.metrics import Metric, failed_claims, metrics_of_estimate, read_summary, shown, write_summary
 
 
 def test_an_estimate_has_its_interval_beside_the_mean(tmp_path, capsys):
@@ -37,11 +37,20 @@ def test_only_claims_that_are_not_met_are_named_with_their_remedy(tmp_path):
     metrics = {
         "good": Metric(0.1, "1", 0.2, True, remedy="no need"),
         "bad": Metric(0.3, "Pa", 0.2, False, remedy="the platen is loose: tighten it"),
-        "worse": Metric(None, "1", "at least 3", False),
+        "worse": Metric(None, "Pa", "at least 3", False),
     }
     bad, worse = failed_claims(write_summary(tmp_path, "w", None, metrics, quiet=True))
     assert bad == "claim not met: bad is 0.3 Pa, claimed 0.2 Pa: the platen is loose: tighten it."
-    assert worse.startswith("claim not met: worse is -, claimed at least 3: ")
+    assert worse.startswith("claim not met: worse is unknown, claimed at least 3: ")
+
+
+def test_what_is_not_a_number_is_printed_as_unknown(tmp_path, capsys):
+    metrics = {"order": Metric(math.nan, "1", note="no collision"), "count": Metric(3, "1")}
+    metrics["mean"] = Metric(0.3, "1", interval=(math.nan, 1.0))
+    write_summary(tmp_path, "w", None, metrics)
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[1:] == [["order", "unknown", "no", "collision"], ["count", "3"], ["mean", "0.3", "unknown", "to", "1"]]
+    assert shown(math.nan, ".2g") == "unknown" and shown(0.123, ".2g") == "0.12"
 
 
 def test_a_summary_that_cannot_be_read_is_none(tmp_path):

@@ -170,6 +170,14 @@ def test_the_arrow_of_the_shear_is_inside_the_frame_whatever_the_width(sheared):
     assert top < arrow.xy[1] < high and 0.0 < arrow.xy[0] < snapshot.period
 
 
+def test_a_title_has_no_number_for_what_is_unknown(sheared):
+    _, params, dataset = sheared("round")
+    rows = dataset.isel(time=dataset.stage.values == "shear").assign(stiffness_number=np.nan)
+    assert run_plots._conditions(params, rows).endswith(", stiffness number unknown")
+    rows = rows.assign(inertial_number=rows.inertial_number * np.nan)
+    assert ", inertial number unknown, stiffness number unknown" in run_plots._conditions(params, rows)
+
+
 def test_a_shape_without_a_complete_run_says_how_its_runs_ended():
     table = xr.Dataset({"shape": ("run", ["round", "angular", "angular"]), "seed": ("run", [1, 1, 2])})
     table["status"] = ("run", ["complete", "failed", "interrupted"])
