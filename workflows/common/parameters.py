@@ -5,9 +5,7 @@ The same field is an option (`--normal-stress`), a TOML key (`normal_stress`) an
 
 from __future__ import annotations
 
-import difflib
 import os
-import reprlib
 import tomllib
 import types
 from collections.abc import Iterable, Mapping
@@ -19,28 +17,13 @@ import pydantic
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameter_types import accepts, allowed, choices, kind, split_list
+from workflows.common.parameter_problems import as_written, explain, nearest, option_name, rules_between
+from workflows.common.parameter_types import accepts, allowed, kind, split_list
 from workflows.common.toml_writer import to_toml
 
 __all__ = ["DEFAULT_PRESET", "ParameterError", "Params", "merge", "nearest", "option_name", "to_toml"]
 
 DEFAULT_PRESET = "standard"
-
-# Errors of pydantic that the words of `allowed` explain; for the others its own message says more.
-EXPLAINED = (
-    "_type",
-    "_parsing",
-    "greater_than",
-    "greater_than_equal",
-    "less_than",
-    "less_than_equal",
-    "literal_error",
-    "int_from_float",
-    "enum",
-    "too_short",
-    "too_long",
-    "multiple_of",
-)
 
 
 class ParameterError(InputError):
@@ -111,17 +94,6 @@ class Params(pydantic.BaseModel):
 OfOneWorkflow = TypeVar("OfOneWorkflow", bound=Params)
 
 
-def option_name(field: str) -> str:
-    """The option of a field: normal_stress -> --normal-stress."""
-    return "--" + field.replace("_", "-")
-
-
-def nearest(word: str, names: Iterable[str]) -> str:
-    """Text " Did you mean ...?" with the name most like `word`, or "" if none is."""
-    match = difflib.get_close_matches(str(word), list(names), n=1)
-    return f" Did you mean {match[0]}?" if match else ""
-
-
 def merge(
     params_class: type[OfOneWorkflow],
     preset: str | None = None,
@@ -161,7 +133,7 @@ def merge(
                 values[key], sources[key] = value, source
             else:
                 hint = nearest(key, fields)
-                problems.append(f"{key} = {_shown(value)} ({source}): unknown parameter.{hint}")
+                problems.append(f"{key} = {as_written(value)} ({source}): unknown parameter.{hint}")
 
     name = DEFAULT_PRESET if preset is None else preset
     presets = {**params_class.presets, DEFAULT_PRESET: params_class.presets.get(DEFAULT_PRESET, {})}
@@ -180,8 +152,8 @@ def merge(
     try:
         params = params_class.model_validate(values)
     except pydantic.ValidationError as error:
-        problems += _explain(error, params_class, values, sources)
-        problems += _rules_between(error, params_class, values, problems)
+        problems += explain(error, params_class, values, sources)
+        problems += rules_between(error, params_class, values, problems)
     if problems or params is None:
         raise ParameterError(problems)
     _remember_sources(params, name, sources, str(toml_path), foreign)
@@ -218,76 +190,3 @@ def _read_toml(path: Path, problems: list[str]) -> dict:
     except tomllib.TOMLDecodeError as error:
         problems.append(f"--config {path}: is not valid TOML: {error}.")
     return {}
-
-
-def _explain(error: pydantic.ValidationError, params_class: type[Params], values: dict, sources: dict) -> list[str]:
-    """One message per mistake: the option, its value, its source, what is allowed, the nearest name."""
-    messages: dict[tuple, str] = {}
-    for item in error.errors(include_url=False):
-        loc = item["loc"]
-        reason = str(item.get("ctx", {}).get("error", "")) or item["msg"].replace("Input should", "must")
-        if not loc:  # a rule between several fields
-            messages[(reason,)] = reason.rstrip(".") + "."
-            continue
-        name = str(loc[0])
-        field = params_class.model_fields[name]
-        source = "" if sources.get(name) == "option" else f" ({sources.get(name, 'default')})"
-        if item["type"] == "missing" and len(loc) == 1:
-            messages[loc] = f"{option_name(name)}: is required, must be {allowed(field)}."
-        elif kind(field.annotation) == "toml":
-            place = name + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc[1:])
-            wrong = _nested(params_class, loc, item, reason)
-            messages[loc] = f"{place} = {_shown(item['input'])}{source}: {wrong}"
-        else:
-            # Every alternative of a union and every item of a list has its error, for one mistake.
-            must = f"must be {allowed(field)}" if item["type"].endswith(EXPLAINED) else reason
-            hint = nearest(item["input"], choices(field.annotation))
-            shown = _shown(values.get(name, field.default))
-            messages.setdefault((name,), f"{option_name(name)} {shown}{source}: {must.rstrip('.')}.{hint}")
-    return list(messages.values())
-
-
-def _rules_between(
-    error: pydantic.ValidationError, params_class: type[Params], values: dict, known: list[str]
-) -> list[str]:
-    """Broken rules between fields that pydantic did not reach because a field was wrong by itself."""
-    wrong = {item["loc"][0] for item in error.errors(include_url=False) if item["loc"]}
-    try:
-        params_class.model_validate({name: value for name, value in values.items() if name not in wrong})
-    except pydantic.ValidationError as later:
-        return [text for text in _explain(later, params_class, values, {}) if text not in known]
-    return []
-
-
-def _nested(params_class: type[Params], loc: tuple, item: Mapping[str, Any], reason: str) -> str:
-    """What is wrong inside a table: for an unknown key the nearest one, else pydantic's reason."""
-    if item["type"] != "extra_forbidden":
-        return reason.rstrip(".") + "."
-    return f"unknown key.{nearest(loc[-1], _keys_at(params_class, loc[:-1]))}"
-
-
-def _keys_at(model: type[pydantic.BaseModel], loc: tuple) -> list[str]:
-    """The keys that the table at `loc` allows, [] where the type of the table is not certain."""
-    for part in loc:
-        if isinstance(part, str) and part in model.model_fields:
-            found = _models(model.model_fields[part].annotation)
-            if len(found) != 1:
-                return []
-            model = found[0]
-    return list(model.model_fields)
-
-
-def _models(annotation: Any) -> list[type[pydantic.BaseModel]]:
-    """Every model class in an annotation, e.g. [Effect] of list[Effect] | None."""
-    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
-        return [annotation]
-    return [m for part in getattr(annotation, "__args__", ()) for m in _models(part)]
-
-
-def _shown(value: Any) -> str:
-    """A value as the user wrote it, shortened."""
-    if isinstance(value, str):
-        return value if value and value.strip() == value else repr(value)
-    if isinstance(value, list | tuple):
-        return ",".join(value) if value and all(isinstance(v, str) for v in value) else reprlib.repr(value)
-    return reprlib.repr(value)
