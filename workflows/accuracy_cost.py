@@ -29,7 +29,7 @@ from workflows.common.parameters import to_toml
 from workflows.common.refusals import check_idle
 from workflows.common.run_table import attributes_of
 from workflows.common.stopwatch import Stopwatch
-from workflows.gouge.parameters import Shape
+from workflows.gouge.parameters import Shape, round_grains
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
 
@@ -146,13 +146,17 @@ class Params(BaseParams):
             return dict.fromkeys(("long_strain", "long_runs"), "without --long-shapes")
         return {} if self.long_strain else {"long_runs": "with --long-strain 0"}
 
+    def read_as(self, name: str, word: str) -> str | None:
+        """That a word for spheres means discs: the layers are those of two dimensions."""
+        return round_grains(word, 2) if name in ("shapes", "long_shapes") else None
+
     @model_validator(mode="after")
     def _measurable(self) -> Self:
         problems = []
         if math.isqrt(self.gas_grains) ** 2 != self.gas_grains:
             near = round(math.sqrt(self.gas_grains)) ** 2
             problems.append(f"--gas-grains {self.gas_grains}: must be a square number, such as {near}")
-        if 0.0 < self.long_strain < LEAST_LONG:
+        if self.long_shapes and 0.0 < self.long_strain < LEAST_LONG:
             problems.append(
                 f"--long-strain {self.long_strain:g}: must be 0, for no such runs, or >= {LEAST_LONG:g}, so that "
                 "windows of several widths fit into the steady state"

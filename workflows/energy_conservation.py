@@ -114,7 +114,8 @@ class Params(BaseParams):
 
     @model_validator(mode="after")
     def _seeds_fit_their_column(self) -> Self:
-        last = self.seed + 100 + max(self.seeds, self.order_seeds)  # velocities have seeds 100 higher
+        most = max(self.seeds, self.order_seeds) if self.dim == 2 else self.seeds
+        last = self.seed + 100 + most  # velocities have seeds 100 higher
         if last >= 2**31:
             raise ValueError(f"--seed {self.seed}: must be <= {2**31 - 1 - (last - self.seed)} for this many seeds")
         return self

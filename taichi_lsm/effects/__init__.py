@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a 
     from .velocity_weakening_friction import VelocityWeakeningFriction as VelocityWeakeningFriction
     from .viscous_damping import ViscousDamping as ViscousDamping
 
+FORMER_KEY = "law"  # of a table, in place of "name"
 _BASE = ("Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "finite", "require")
 _SHARED = ("base", "tangential_spring")  # modules that define no effect
 _HOME = dict.fromkeys(_BASE, "base") | {
@@ -109,7 +110,10 @@ def make_effects(tables: Iterable[Mapping[str, Any]]) -> list[Effect]:
                 f'effect {table!r}: must be a table such as {{"name": "gravity", "acceleration": [0, -9.81]}}'
             )
         values = dict(table)
-        name = values.pop("name", None)
+        if "name" not in values:
+            former = f", formerly called {FORMER_KEY}," if FORMER_KEY in values else ""
+            raise InputError(f"effect {values!r}: name{former} is missing, must be one of {', '.join(effects)}")
+        name = values.pop("name")
         if not isinstance(name, str) or name not in effects:
             raise InputError(f"effect {name!r}: unknown, must be one of {', '.join(effects)}{_nearest(name, effects)}")
         fields = {field.name: field for field in dataclasses.fields(effects[name])}

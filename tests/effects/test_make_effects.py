@@ -17,7 +17,11 @@ def test_effects_are_made_from_tables():
     ("table", "words"),
     [
         ({"name": "gravitty"}, "effect 'gravitty': unknown, must be one of .*Did you mean gravity?"),
-        ({"acceleration": [0.0, 1.0]}, "effect None: unknown"),
+        (
+            {"acceleration": [0.0, 1.0]},
+            r"effect {'acceleration': \[0.0, 1.0\]}: name is missing, must be one of .*hertz",
+        ),
+        ({"law": "hertz"}, "effect {'law': 'hertz'}: name, formerly called law, is missing, must be one of .*hertz"),
         ({"name": ["gravity"]}, r"effect \['gravity'\]: unknown"),
         ("gravity", "effect 'gravity': must be a table"),
         ({"name": "gravity", "acceleration": "down"}, "Gravity.acceleration = 'down': must be 2 or 3 numbers"),

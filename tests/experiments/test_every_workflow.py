@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 import workflows
+from workflows import hard
 from workflows.cli.discovery import find_workflows
+from workflows.common.former_names import FORMER
+from workflows.common.parameter_types import choices
 from workflows.common.parameters import Params, merge, to_toml
 
 WORKFLOWS = find_workflows()
@@ -53,6 +56,17 @@ def test_parameters_need_nothing_from_the_user(module):
     for name, field in module.Params.model_fields.items():
         assert getattr(params, name) == standard.get(name, field.default), name
     assert all(hasattr(params, name) for name in Params.model_fields)  # an option, or fixed
+
+
+def names_of(module):
+    """Parameters of a workflow and the choices of their values; the kinds of hard cases are files."""
+    fields = module.Params.model_fields
+    return {*fields, *(name for field in fields.values() for name in choices(field.annotation)), *hard.modules()}
+
+
+def test_former_names_are_gone_and_what_they_are_called_now_is_there():
+    found = set().union(*map(names_of, WORKFLOWS.values()))
+    assert set(FORMER.values()) <= found and not set(FORMER) & found
 
 
 def test_what_can_be_refused_before_a_run_is_refused_by_its_check(module):

@@ -7,6 +7,7 @@ import ast
 import contextlib
 import hashlib
 import math
+import re
 import types
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ import workflows
 from workflows import compare_shapes, shear_gouge
 from workflows.cli.discovery import find_workflows
 from workflows.common.parameter_types import choices, kind, members
-from workflows.common.parameters import merge, option_name
+from workflows.common.parameters import ParameterError, merge, option_name
 from workflows.gouge import target_runs
 from workflows.plots import run_plots
 
@@ -246,21 +247,55 @@ def test_an_option_without_effect_is_refused_even_at_its_default(base, key, valu
         shear_gouge.check(params)
 
 
-@pytest.mark.parametrize(
-    ("name", "base", "key", "value"),
-    [
-        ("compare-shapes", {}, "width", "7"),
-        ("energy-conservation", {}, "chamfers", "11"),
-        ("energy-conservation", {"dim": "3"}, "missed_seam", "1e-4"),
-        ("energy-conservation", {"dim": "3"}, "order_grains", "225"),
-        ("accuracy-cost", {"long_strain": "0"}, "long_runs", "6"),
-        ("accuracy-cost", {"long_shapes": ""}, "long_strain", "33"),
-    ],
-)
+REFUSED_ELSEWHERE = [
+    ("compare-shapes", {}, "width", "7"),
+    ("energy-conservation", {}, "chamfers", "11"),
+    ("energy-conservation", {"dim": "3"}, "missed_seam", "1e-4"),
+    ("energy-conservation", {"dim": "3"}, "order_grains", "225"),
+    ("accuracy-cost", {"long_strain": "0"}, "long_runs", "6"),
+    ("accuracy-cost", {"long_shapes": ""}, "long_strain", "33"),
+]
+
+
+@pytest.mark.parametrize(("name", "base", "key", "value"), REFUSED_ELSEWHERE)
 def test_other_experiments_refuse_what_has_no_effect(name, base, key, value):
     module = WORKFLOWS[name]
     with pytest.raises(lsm.InputError, match=rf"^{option_name(key)} \S+: has no effect .*; leave it out$"):
         module.check(merge(module.Params, options=base | {key: value}))
+
+
+IDLE = [("shear-gouge", *case) for case in REFUSED] + REFUSED_ELSEWHERE
+
+
+@pytest.mark.parametrize(("name", "base", "key", "value"), IDLE)
+def test_an_option_without_effect_is_called_that_also_with_a_value_that_is_not_allowed(name, base, key, value):
+    """The allowed range would only lead to a second refusal."""
+    field = WORKFLOWS[name].Params.model_fields[key]
+    least = next(getattr(rule, bound) for rule in field.metadata for bound in ("ge", "gt") if hasattr(rule, bound))
+    for wrong in (str(least - 1), "many"):
+        with pytest.raises(ParameterError) as refused:
+            merge(WORKFLOWS[name].Params, options=base | {key: wrong})
+        (problem,) = refused.value.problems
+        assert re.fullmatch(rf"{option_name(key)} {re.escape(wrong)}: has no effect .*; leave it out", problem)
+
+
+def test_a_range_is_told_where_the_reason_would_rest_on_a_wrong_value():
+    with pytest.raises(ParameterError, match=r"--width 3: must be a number, from 4 to 10000\."):
+        merge(shear_gouge.Params, options={"width": "3", "dim": "4"})
+
+
+@pytest.mark.parametrize(
+    ("name", "base", "key", "value"),
+    [
+        ("shear-gouge", {"target_error": "0.05"}, "strain", "0.5"),
+        ("energy-conservation", {"dim": "3", "seed": "2147482900"}, "order_seeds", "900"),
+        ("accuracy-cost", {"long_shapes": ""}, "long_strain", "1.5"),
+    ],
+)
+def test_no_rule_between_options_is_about_one_without_effect(name, base, key, value):
+    params = merge(WORKFLOWS[name].Params, options=base | {key: value})
+    with pytest.raises(lsm.InputError, match=rf"^{option_name(key)} {value}: has no effect .*; leave it out$"):
+        WORKFLOWS[name].check(params)
 
 
 def test_values_of_a_preset_do_not_count_as_given():

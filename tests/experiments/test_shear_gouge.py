@@ -21,7 +21,10 @@ def test_every_wrong_value_is_reported():
         merge(shear_gouge.Params, options=wrong)
     text = "\n".join(caught.value.problems)
     assert "--normal-stress -5e6: must be a number, from 0.001 to 1e+12." in text
-    assert "--shape anglar: must be one of round, angular. Did you mean angular?" in text
+    assert (
+        "--shape anglar: must be one of round (also disc, discs, sphere, spheres), angular. Did you mean angular?"
+        in text
+    )
     assert "--grains many" in text and "--strain 0" in text
 
 

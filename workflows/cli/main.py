@@ -12,16 +12,25 @@ from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Any
 
-from cyclopts import App, CycloptsError, Group, Parameter, UnknownCommandError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    Group,
+    Parameter,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 from pydantic.fields import FieldInfo
 
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
+from workflows.common.former_names import renamed
 from workflows.common.metrics import FILE, failed_claims, read_summary
 from workflows.common.parallel_runs import reason_of
-from workflows.common.parameter_types import allowed, choices, kind, limits, metavar
+from workflows.common.parameter_types import allowed, choices_in_words, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import machine_memory, objections
@@ -84,6 +93,12 @@ def _parse_problem(error: CycloptsError) -> str:
         return f"{token}: unknown command, must be one of {', '.join(names)}.{nearest(token, names)}"
     if isinstance(error, UnusedCliTokensError):
         return f"{' '.join(error.unused_tokens or ())}: unexpected; every value follows its option."
+    if isinstance(error, UnknownOptionError):
+        option = (error.token.keyword or error.token.value).split("=")[0]
+        known = [name for argument in error.argument_collection if argument.parse for name in argument.names]
+        fields = [name.strip("-").replace("-", "_") for name in known]
+        if now := renamed(option.strip("-").replace("-", "_"), fields):
+            return f"Unknown option: {option} is now called {option_name(now)}."
     error.verbose = False  # or the message names functions and files of the program
     return str(error)
 
@@ -221,8 +236,8 @@ def _unwrapped(text: str) -> str:
 
 def option_help(field: FieldInfo) -> str:
     """Description of an option, which ends with the unit, and the allowed values."""
-    names = choices(field.annotation)
-    bounds = f"one of {', '.join(names)}" if names else limits(field.metadata)
+    names = choices_in_words(field)
+    bounds = f"one of {names}" if names else limits(field.metadata)
     if kind(field.annotation) == "list":
         bounds = allowed(field) + ", separated by commas"
     return "; ".join(filter(None, [" ".join((field.description or "").split()), bounds]))

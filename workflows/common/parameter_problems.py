@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import pydantic
 
-from workflows.common.parameter_types import allowed, choices, kind
+from taichi_lsm.core.errors import InputError
+from workflows.common.former_names import renamed
+from workflows.common.parameter_types import allowed, choices, kind, other_words
 
 if TYPE_CHECKING:
     from workflows.common.parameters import Params
@@ -31,20 +34,35 @@ EXPLAINED = (
 )
 
 
+OPTION = re.compile(r"--[\w-]+")
+
+
 def option_name(field: str) -> str:
     """The option of a field: normal_stress -> --normal-stress."""
     return "--" + field.replace("_", "-")
 
 
 def nearest(word: str, names: Iterable[str]) -> str:
-    """Text " Did you mean ...?" with the name most like `word`, or "" if none is."""
-    match = difflib.get_close_matches(str(word), list(names), n=1)
+    """Text " Did you mean ...?" with the name most like `word`, or "" if none is; of a former name the present one."""
+    names = list(names)
+    if now := renamed(word, names):
+        return f" {word} is now called {now}."
+    match = difflib.get_close_matches(str(word), names, n=1)
     return f" Did you mean {match[0]}?" if match else ""
 
 
+def without_effect(name: str, value: Any, reason: str, source: str = "") -> str:
+    """The message about a value that would change nothing; `source` in parentheses, after a space."""
+    return f"{option_name(name)} {value}{source}: has no effect {reason}; leave it out"
+
+
 def explain(error: pydantic.ValidationError, params_class: type[Params], values: dict, sources: dict) -> list[str]:
-    """One message per mistake: the option, its value, its source, what is allowed, the nearest name."""
+    """One message per mistake: the option, its value, its source, what is allowed, the nearest name.
+
+    A value without effect is called that, whatever it is.
+    """
     messages: dict[tuple, str] = {}
+    idle = _idle(error, params_class, values)
     for item in error.errors(include_url=False):
         loc = item["loc"]
         reason = str(item.get("ctx", {}).get("error", "")) or item["msg"].replace("Input should", "must")
@@ -56,6 +74,8 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
         source = "" if sources.get(name) == "option" else f" ({sources.get(name, 'default')})"
         if item["type"] == "missing" and len(loc) == 1:
             messages[loc] = f"{option_name(name)}: is required, must be {allowed(field)}."
+        elif name in idle:
+            messages[(name,)] = without_effect(name, as_written(values[name]), idle[name], source)
         elif kind(field.annotation) == "toml":
             place = name + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc[1:])
             wrong = _nested(params_class, loc, item, reason)
@@ -63,7 +83,8 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
         else:
             # Every alternative of a union and every item of a list has its error, for one mistake.
             must = f"must be {allowed(field)}" if item["type"].endswith(EXPLAINED) else reason
-            hint = nearest(item["input"], choices(field.annotation))
+            others = [word for words in other_words(field).values() for word in words]
+            hint = nearest(item["input"], [*choices(field.annotation), *others])
             shown = as_written(values.get(name, field.default))
             messages.setdefault((name,), f"{option_name(name)} {shown}{source}: {must.rstrip('.')}.{hint}")
     return list(messages.values())
@@ -73,12 +94,34 @@ def rules_between(
     error: pydantic.ValidationError, params_class: type[Params], values: dict, known: list[str]
 ) -> list[str]:
     """Broken rules between fields that pydantic did not reach because a field was wrong by itself."""
-    wrong = {item["loc"][0] for item in error.errors(include_url=False) if item["loc"]}
     try:
-        params_class.model_validate({name: value for name, value in values.items() if name not in wrong})
+        params_class.model_validate(_without(values, _wrong(error)))
     except pydantic.ValidationError as later:
         return [text for text in explain(later, params_class, values, {}) if text not in known]
     return []
+
+
+def _wrong(error: pydantic.ValidationError) -> set[str]:
+    """Fields that are wrong by themselves."""
+    return {str(item["loc"][0]) for item in error.errors(include_url=False) if item["loc"]}
+
+
+def _without(values: dict, names: set[str]) -> dict:
+    return {name: value for name, value in values.items() if name not in names}
+
+
+def _idle(error: pydantic.ValidationError, params_class: type[Params], values: dict) -> dict[str, str]:
+    """Those of the wrong fields that have no effect beside the others, with the reason.
+
+    A reason that rests on another wrong field does not count: that one stands at its default here.
+    """
+    wrong = _wrong(error)
+    try:
+        idle = params_class.model_validate(_without(values, wrong)).idle()
+    except (pydantic.ValidationError, InputError):
+        return {}
+    options = {option_name(name) for name in wrong}
+    return {n: reason for n, reason in idle.items() if n in wrong and not options & set(OPTION.findall(reason))}
 
 
 def _nested(params_class: type[Params], loc: tuple, item: Mapping[str, Any], reason: str) -> str:

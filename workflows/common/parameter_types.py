@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import enum
 import types
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import annotated_types
+from pydantic import GetCoreSchemaHandler
 from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema, core_schema
 
 # Singular and plural.
 NOUNS = {
@@ -19,6 +22,29 @@ NOUNS = {
     Path: ("a path", "paths"),
 }
 SEQUENCES = (list, tuple, set, frozenset)
+
+
+@dataclass(frozen=True)
+class OtherNames:
+    """Annotation of a text: other words for one of its choices, which are read as that choice.
+
+    Attributes
+    ----------
+    choice
+        The choice.
+    words
+        The other words for it.
+    """
+
+    choice: str
+    words: tuple[str, ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What pydantic checks: the annotated type, after the words are replaced."""
+        return core_schema.no_info_before_validator_function(self._read, handler(source))
+
+    def _read(self, word: Any) -> Any:
+        return self.choice if word in self.words else word
 
 
 def members(annotation: Any) -> list:
@@ -71,6 +97,28 @@ def choices(annotation: Any) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def other_words(field: FieldInfo) -> dict[str, tuple[str, ...]]:
+    """Other words for choices of a field, or of its items: {"round": ("disc", "sphere")}."""
+    added = [*field.metadata, *_added(field.annotation)]
+    return {names.choice: names.words for names in added if isinstance(names, OtherNames)}
+
+
+def _added(annotation: Any) -> list:
+    """What Annotated adds, anywhere in an annotation."""
+    own = get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        return [*own[1:], *_added(own[0])]
+    return [extra for part in own for extra in _added(part)]
+
+
+def choices_in_words(field: FieldInfo) -> str:
+    """The choices of a field with the other words for them: "round (also disc, sphere), angular"; "" if it has none."""
+    others = other_words(field)
+    return ", ".join(
+        f"{name} (also {', '.join(others[name])})" if name in others else name for name in choices(field.annotation)
+    )
+
+
 def split_list(annotation: Any, value: Any) -> Any:
     """The items of a comma-separated list, if the field is a list and the value a string; else the value."""
     if kind(annotation) == "list" and isinstance(value, str):
@@ -118,25 +166,26 @@ def _digits(bound: float) -> str:
     return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
-def _noun(annotation: Any, plural: bool = False) -> str:
-    if names := choices(annotation):
-        prefix = "any of " if plural else "one of " if len(names) > 1 else ""
-        return prefix + ", ".join(names)
+def _noun(annotation: Any, names: str, plural: bool = False) -> str:
+    """The values that an alternative allows; names: the choices of the field, in words."""
+    if found := choices(annotation):
+        prefix = "any of " if plural else "one of " if len(found) > 1 else ""
+        return prefix + names
     return NOUNS.get(annotation, ("a value", "values"))[plural]
 
 
 def allowed(field: FieldInfo) -> str:
     """Allowed values of a pydantic field, in words: "a number, greater than 0", "one of f64, f32"."""
     options = [m for m in members(field.annotation) if m is not types.NoneType]
-    words = []
+    words, names = [], choices_in_words(field)
     for member in options:
         if get_origin(member) in SEQUENCES:
             inner = [a for a in get_args(member) if a is not Ellipsis]
-            nouns = " or ".join(dict.fromkeys(_noun(m, plural=True) for m in items(member)))
+            nouns = " or ".join(dict.fromkeys(_noun(m, names, plural=True) for m in items(member)))
             rules = [r for a in inner if get_origin(a) is Annotated for r in _flat(get_args(a)[1:])]
             words.append(", ".join(filter(None, [f"a list of {nouns}", limits(rules)])))
         else:
-            words.append(_noun(member))
+            words.append(_noun(member, names))
     text = " or ".join(dict.fromkeys(words))
     if bounds := limits(field.metadata):
         text += f", {bounds}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import tomllib
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
@@ -68,6 +68,13 @@ class Params(pydantic.BaseModel):
     def notes(self) -> tuple[str, ...]:
         """What the user should know of where these parameters come from, one line each."""
         return ()
+
+    def read_as(self, name: str, word: str) -> str | None:
+        """What another word for a choice of a field means beside the others, as "in 2D means discs".
+
+        None where it is what the word says.
+        """
+        return None
 
     def idle(self) -> dict[str, str]:
         """Fields that have no effect beside the values of the others, each with the reason; none here."""
@@ -157,7 +164,18 @@ def merge(
     if problems or params is None:
         raise ParameterError(problems)
     _remember_sources(params, name, sources, str(toml_path), foreign)
+    vars(params)["notes"] = (*params.notes, *_other_words(params, values, sources))
     return params
+
+
+def _other_words(params: Params, values: Mapping[str, Any], sources: Mapping[str, str]) -> Iterator[str]:
+    """One line for each word for a choice that means something else beside the other fields."""
+    for name, value in values.items():
+        source = "" if sources[name] == "option" else f" ({sources[name]})"
+        for word in value if isinstance(value, list | tuple) else (value,):
+            meaning = params.read_as(name, word) if isinstance(word, str) else None
+            if meaning:
+                yield f"{option_name(name)} {word}{source} {meaning}"
 
 
 def _remember_sources(params: Params, preset: str, sources: dict[str, str], path: str, foreign: set[str]) -> None:

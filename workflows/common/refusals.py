@@ -6,7 +6,8 @@ from contextlib import contextmanager
 import pydantic
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameters import OfOneWorkflow, ParameterError, Params, option_name
+from workflows.common.parameter_problems import without_effect
+from workflows.common.parameters import OfOneWorkflow, ParameterError, Params
 
 
 def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflow:
@@ -54,9 +55,7 @@ def check_idle(params: Params) -> None:
     """
     idle = params.idle()
     problems = [
-        f"{option_name(name)} {getattr(params, name)}: has no effect {reason}; leave it out"
-        for name, reason in idle.items()
-        if name in params.given
+        without_effect(name, getattr(params, name), reason) for name, reason in idle.items() if name in params.given
     ]
     if problems:
         raise ParameterError(problems)

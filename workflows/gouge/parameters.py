@@ -4,11 +4,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
+from workflows.common.parameter_types import OtherNames
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import in_terms_of
+from workflows.gouge.labels import ROUND
 
 if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
@@ -26,15 +28,21 @@ REPLACED = {  # parameters of the default effects, by the role of an effect that
 }
 
 
-ROUND = ("disc", "discs", "sphere", "spheres")  # other names of round grains, in either dimension
-Shape = Annotated[Literal["round", "angular"], BeforeValidator(lambda name: "round" if name in ROUND else name)]
+ROUND_WORDS = ("disc", "discs", "sphere", "spheres")  # understood in either dimension
+Shape = Annotated[Literal["round", "angular"], OtherNames("round", ROUND_WORDS)]
+
+
+def round_grains(word: str, dim: int) -> str | None:
+    """What a word for round grains means in this dimension, where it is the other one's: "in 2D means discs"."""
+    other = word in ROUND_WORDS and not ROUND[dim].startswith(word)
+    return f"in {dim}D means {ROUND[dim]}" if other else None
 
 
 class Params(BaseParams):
     """One shear experiment on a layer of gouge."""
 
     dim: int = Field(default=2, ge=2, le=3, description="dimension of space [1]")
-    shape: Shape = Field(default="round", description="grain shape: discs or spheres, also called so, or angular")
+    shape: Shape = Field(default="round", description="grain shape; round: discs in 2D, spheres in 3D")
     smallest_diameter: float = Field(default=105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
     largest_diameter: float = Field(default=149e-6, ge=1e-9, le=1e3, description="greatest equivalent diameter [m]")
     density: float = Field(default=2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
@@ -160,7 +168,7 @@ class Params(BaseParams):
 
     def _problems_of_shear(self) -> Iterator[str]:
         """Contradictions among the strain to reach, the steady state and the target error."""
-        if self.strain < self.steady_from + self.least_steady:
+        if self.target_error is None and self.strain < self.steady_from + self.least_steady:
             yield (
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
                 f"the steady state needs {LEAST_ROWS} rows"
@@ -187,6 +195,10 @@ class Params(BaseParams):
             role = effect.role or effect.phase
             found |= dict.fromkeys(REPLACED.get(role, ()), f"beside the effect {effect.name}, which replaces its own")
         return found
+
+    def read_as(self, name: str, word: str) -> str | None:
+        """That a word for the round grains of the other dimension means those of this one."""
+        return round_grains(word, self.dim) if name == "shape" else None
 
     def given_effects(self) -> list["Effect"]:
         """The effects of `effects`; InputError if they are wrong."""

@@ -110,6 +110,10 @@ def test_all_mistakes_at_once_and_nothing_written(plugins, tmp_path, capsys):
         (["toy-rn"], "Did you mean toy-run?"),
         (["toy-run", "--grans", "3"], "Did you mean --grains?"),
         (["toy-run", "5"], "5: unexpected"),
+        (["shear-gouge", "--platen-diameter", "1"], "--platen-diameter is now called --platen-roughness."),
+        (["shear-gouge", "--platen-diameter=1"], "--platen-diameter is now called --platen-roughness."),
+        (["list", "--laws"], "--laws is now called --effects."),
+        (["hard-cases", "--kinds", "laws", "--quiet"], "laws is now called effects."),
         (["toy-run", "--grains"], "--grains requires an argument"),
         (["info", "nowhere"], "nowhere: there is no such folder"),
         (["info", "plugins"], "plugins: holds no run"),
@@ -334,6 +338,24 @@ def test_what_is_left_out_of_a_file_is_said_even_if_quiet(plugins, tmp_path, cap
     (tmp_path / "a.toml").write_text("grains = 30\nreplicas = 2\n")  # compare-shapes has replicas, the toy has not
     assert main(["toy-run", "--config", "a.toml", "--quiet"]) == 0
     assert capsys.readouterr().err == "lsm: note: a.toml: is of another experiment; left out of it: replicas\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "note"),
+    [
+        ("--shape sphere", "note: --shape sphere in 2D means discs"),
+        ("--shape discs --dim 3", "note: --shape discs in 3D means spheres"),
+        ("--shape disc", None),
+        ("--shape sphere --dim 3", None),
+        ("--shape round --dim 3", None),
+    ],
+)
+def test_a_word_for_the_round_grains_of_the_other_dimension_is_explained(tmp_path, capsys, options, note):
+    full = tmp_path / "full"  # refused, so that nothing is run
+    full.write_text("")
+    assert main(["shear-gouge", *options.split(), "--out", str(full), "--quiet"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:-1] == ([f"lsm: {note}"] if note else []) and "is a file" in lines[-1]
 
 
 def test_summary_is_strict_json(tmp_path, capsys):

@@ -2,13 +2,15 @@
 
 import pickle
 import string
-from typing import Literal
+from typing import Annotated, Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, Field
 
+from workflows.common.former_names import FORMER
+from workflows.common.parameter_types import OtherNames
 from workflows.common.parameters import ParameterError, Params, merge, to_toml
 from workflows.common.refusals import check_idle
 
@@ -63,6 +65,50 @@ def test_every_mistake_of_every_source_is_one_message(toy, tmp_path):
         "--threads two: must be an integer, from 1 to 1024.",
     ]
     assert sorted(found) == sorted(expected)
+
+
+class Named(Params):
+    """Texts that have other words."""
+
+    shape: Annotated[Literal["round", "flat"], OtherNames("round", ("disc", "ball"))] = Field("flat", description="one")
+    shapes: list[Annotated[Literal["round"], OtherNames("round", ("disc",))]] = Field([], description="some")
+    size: int = Field(1, ge=0, description="size [1]")
+
+    def read_as(self, name, word):
+        return f"means grains of size {self.size}" if word == "ball" else None
+
+
+def test_other_words_for_a_choice_are_understood_and_listed():
+    params = merge(Named, options={"shape": "disc", "shapes": "disc,round"})
+    assert (params.shape, params.shapes, params.notes) == ("round", ["round", "round"], ())
+    assert problems(Named, options={"shape": "cube", "shapes": "bar"}) == [
+        "--shape cube: must be one of round (also disc, ball), flat.",
+        "--shapes bar: must be a list of any of round (also disc).",
+    ]
+    assert problems(Named, options={"shape": "discc"})[0].endswith(" Did you mean disc?")
+    assert pickle.loads(pickle.dumps(params)) == params
+
+
+def test_a_word_that_means_something_else_here_is_a_note(tmp_path):
+    assert merge(Named, options={"shape": "ball", "size": "3"}).notes == ("--shape ball means grains of size 3",)
+    (tmp_path / "a.toml").write_text('shape = "ball"\n')
+    assert merge(Named, toml_path=tmp_path / "a.toml").notes == (
+        f"--shape ball ({tmp_path / 'a.toml'}) means grains of size 1",
+    )
+
+
+def test_a_former_name_is_answered_with_the_present_one(tmp_path):
+    assert FORMER["platen_diameter"] == "platen_roughness"
+
+    class Renamed(Params):
+        platen_roughness: Literal["platen_roughness"] = Field("platen_roughness", description="a choice")
+
+    (tmp_path / "a.toml").write_text("platen_diameter = 1.0\n")
+    assert problems(Renamed, toml_path=tmp_path / "a.toml", options={"platen_roughness": "platen_diameter"}) == [
+        f"platen_diameter = 1.0 ({tmp_path / 'a.toml'}): unknown parameter."
+        " platen_diameter is now called platen_roughness.",
+        "--platen-roughness platen_diameter: must be platen_roughness. platen_diameter is now called platen_roughness.",
+    ]
 
 
 def test_bounds_keep_the_digits_of_integers_and_lists_may_have_to_hold_something():
