@@ -188,7 +188,13 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
 
     listed = [
         parameter("preset", str, FILES, f"starting values; one of {presets}", DEFAULT_PRESET, metavar="NAME"),
-        parameter("config", str, FILES, "TOML file of parameters; they override the preset", metavar="FILE"),
+        parameter(
+            "config",
+            str,
+            FILES,
+            "TOML file of parameters, which override the preset; a table [NAME] is for that experiment",
+            metavar="FILE",
+        ),
         parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
         parameter("overwrite", bool, FILES, "write over files in a folder that is not empty", negative=()),
         parameter("quiet", bool, FILES, "print nothing but errors and claims that are not met", negative=()),
@@ -271,7 +277,7 @@ def execute(
     check, estimate = (getattr(module, hook, None) for hook in ("check", "estimate"))
     cost = None
     try:
-        params = merge(module.Params, preset, config, options, elsewhere=_fields_elsewhere(module))
+        params = merge(module.Params, preset, config, options, name, _fields_of_others(module))
         if not quiet and not problems:
             print(f"{name}, preset {params.preset_name}: checking, then writing to {folder}", flush=True)
         _complain([f"note: {text}" for text in params.notes])
@@ -316,9 +322,9 @@ def _written_at(path: Path) -> int | None:
     return path.stat().st_mtime_ns if path.exists() else None
 
 
-def _fields_elsewhere(module: ModuleType) -> set[str]:
-    """Names of the parameters of all other experiments."""
-    return {name for other in find_workflows().values() if other is not module for name in other.Params.model_fields}
+def _fields_of_others(module: ModuleType) -> dict[str, set[str]]:
+    """Name -> parameters of every other experiment."""
+    return {n: set(other.Params.model_fields) for n, other in find_workflows().items() if other is not module}
 
 
 def _check_arch(arch: str) -> None:

@@ -6,9 +6,8 @@ The same field is an option (`--normal-stress`), a TOML key (`normal_stress`) an
 from __future__ import annotations
 
 import os
-import tomllib
 import types
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeVar
@@ -17,6 +16,7 @@ import pydantic
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 
 from taichi_lsm.core.errors import InputError
+from workflows.common.parameter_files import OfFile, not_taken, read_for
 from workflows.common.parameter_problems import as_written, explain, nearest, option_name, rules_between
 from workflows.common.parameter_types import accepts, allowed, kind, split_list
 from workflows.common.toml_writer import to_toml
@@ -106,7 +106,8 @@ def merge(
     preset: str | None = None,
     toml_path: str | os.PathLike[str] | None = None,
     options: Mapping[str, Any] | None = None,
-    elsewhere: Iterable[str] = (),
+    experiment: str = "",
+    others: Mapping[str, Collection[str]] | None = None,
 ) -> OfOneWorkflow:
     """Parameters from a preset, overridden by a TOML file, overridden by options, each as a whole; validated once.
 
@@ -117,44 +118,27 @@ def merge(
     preset
         A key of `params_class.presets`; None is "standard".
     toml_path
-        A TOML file, or None.
+        A TOML file, or None: keys at its top, and a table named after the experiment, which wins.
     options
         Field name -> value; a string is parsed, for a list at its commas.
-    elsewhere
-        Fields of other experiments. A TOML file that has one of them was written for another experiment: what this one
-        does not have, or cannot use, is left out and named in `notes`.
+    experiment, others
+        Name of the experiment, and fields of every other one by its name. A TOML file that has a field or a table of
+        another one was written for that one as well: what this one does not have, or has no use for, is not taken, and
+        `notes` says so.
 
     Raises
     ------
     ParameterError
         With every mistake of all three sources.
     """
-    fields = params_class.model_fields
     problems: list[str] = []
-    values: dict[str, Any] = {}
-    sources: dict[str, str] = {}
-
-    def layer(source: str, given: dict[str, Any]) -> None:
-        for key, value in given.items():
-            if key in fields:
-                values[key], sources[key] = value, source
-            else:
-                hint = nearest(key, fields)
-                problems.append(f"{key} = {as_written(value)} ({source}): unknown parameter.{hint}")
-
     name = DEFAULT_PRESET if preset is None else preset
-    presets = {**params_class.presets, DEFAULT_PRESET: params_class.presets.get(DEFAULT_PRESET, {})}
-    if name in presets:
-        layer(f"preset {name}", presets[name])
-    else:
-        problems.append(
-            f"--preset {name}: unknown preset, must be one of {', '.join(presets)}." + nearest(name, presets)
-        )
-    of_file = {} if toml_path is None else _read_toml(Path(toml_path), problems)
-    foreign = (set(elsewhere) - set(fields)) & set(of_file)
-    layer(str(toml_path), {key: value for key, value in of_file.items() if key not in foreign})
-    given = (options or {}).items()
-    layer("option", {k: split_list(fields[k].annotation, v) if k in fields else v for k, v in given})
+    layers, of_file = {f"preset {name}": _preset(params_class, name, problems)}, OfFile({}, {}, False, ())
+    if toml_path is not None:
+        of_file = read_for(Path(toml_path), experiment, params_class.model_fields, others or {}, problems)
+    layers |= {str(toml_path): of_file.top, f"{toml_path}, [{experiment}]": of_file.own}
+    layers["option"] = _options(params_class, options or {})
+    values, sources = _overlaid(params_class, layers, problems)
     params = None
     try:
         params = params_class.model_validate(values)
@@ -163,9 +147,52 @@ def merge(
         problems += rules_between(error, params_class, values, problems)
     if problems or params is None:
         raise ParameterError(problems)
-    _remember_sources(params, name, sources, str(toml_path), foreign)
-    vars(params)["notes"] = (*params.notes, *_other_words(params, values, sources))
+    # What a file for several experiments sets without effect here was meant for the others.
+    idle = params.idle() if of_file.shared else {}
+    unused = {key: reason for key, reason in idle.items() if sources.get(key) == str(toml_path)}
+    given = {key for key, source in sources.items() if source != f"preset {name}"} - set(unused)
+    notes = [*of_file.notes, *_unused_notes(str(toml_path), unused), *_other_words(params, values, sources)]
+    # In the place of the cached properties.
+    vars(params).update(preset_name=name, given=frozenset(given), notes=tuple(notes))
     return params
+
+
+def _preset(params_class: type[Params], name: str, problems: list[str]) -> dict[str, Any]:
+    """The values of a preset; {} and a message in `problems` if there is none of this name."""
+    presets = {**params_class.presets, DEFAULT_PRESET: params_class.presets.get(DEFAULT_PRESET, {})}
+    if name not in presets:
+        known = ", ".join(presets)
+        problems.append(f"--preset {name}: unknown preset, must be one of {known}." + nearest(name, presets))
+    return presets.get(name, {})
+
+
+def _options(params_class: type[Params], options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with their lists split at the commas."""
+    fields = params_class.model_fields
+    return {k: split_list(fields[k].annotation, v) if k in fields else v for k, v in options.items()}
+
+
+def _overlaid(
+    params_class: type[Params], layers: Mapping[str, Mapping[str, Any]], problems: list[str]
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Values of all sources, of which later ones win, and the source of each; what is no field is a problem."""
+    fields = params_class.model_fields
+    values, sources = {}, {}
+    for source, given in layers.items():
+        for key, value in given.items():
+            if key in fields:
+                values[key], sources[key] = value, source
+            else:
+                hint = nearest(key, fields)
+                problems.append(f"{key} = {as_written(value)} ({source}): unknown parameter.{hint}")
+    return values, sources
+
+
+def _unused_notes(path: str, unused: Mapping[str, str]) -> Iterator[str]:
+    """One line for all fields of a file that have no effect for the same reason."""
+    for reason in dict.fromkeys(unused.values()):
+        keys = [key for key, why in unused.items() if why == reason]
+        yield not_taken(path, keys, f"{'it has' if len(keys) == 1 else 'they have'} no effect {reason}")
 
 
 def _other_words(params: Params, values: Mapping[str, Any], sources: Mapping[str, str]) -> Iterator[str]:
@@ -176,35 +203,3 @@ def _other_words(params: Params, values: Mapping[str, Any], sources: Mapping[str
             meaning = params.read_as(name, word) if isinstance(word, str) else None
             if meaning:
                 yield f"{option_name(name)} {word}{source} {meaning}"
-
-
-def _remember_sources(params: Params, preset: str, sources: dict[str, str], path: str, foreign: set[str]) -> None:
-    """Fill in `preset_name`, `given` and `notes`, in the place of the cached properties.
-
-    foreign: fields in the file at `path` that only other experiments have.
-    """
-    given = {key for key, source in sources.items() if source != f"preset {preset}"}
-    if foreign:
-        unused = {key for key in params.idle() if sources.get(key) == path}
-        given -= unused
-        left_out = ", ".join(sorted(foreign | unused))
-        vars(params)["notes"] = (f"{path}: is of another experiment; left out of it: {left_out}",)
-    vars(params)["preset_name"], vars(params)["given"] = preset, frozenset(given)
-
-
-def _read_toml(path: Path, problems: list[str]) -> dict:
-    """The tables of a TOML file; {} and a message in `problems` if it cannot be read."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        others = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        problems.append(f"--config {path}: there is no such file.{nearest(path.name, others)}")
-    except IsADirectoryError:
-        problems.append(f"--config {path}: is a directory, must be a TOML file.")
-    except OSError as error:
-        problems.append(f"--config {path}: cannot be read: {error.strerror}.")
-    except UnicodeDecodeError:
-        problems.append(f"--config {path}: is not UTF-8 text, must be a TOML file.")
-    except tomllib.TOMLDecodeError as error:
-        problems.append(f"--config {path}: is not valid TOML: {error}.")
-    return {}

@@ -1,6 +1,5 @@
 """Exit codes and messages of `lsm`."""
 
-import contextlib
 import io
 import json
 import math
@@ -12,12 +11,10 @@ import time
 import types
 from pathlib import Path
 
-import netCDF4
 import pytest
 from rich.console import Console
 
 from taichi_lsm.core.errors import InputError
-from workflows.cli import inspect_run
 from workflows.cli.main import main
 from workflows.cli.progress import ProgressLine, format_line
 from workflows.common.metrics import Metric, write_summary
@@ -139,20 +136,6 @@ def test_a_folder_whose_name_is_too_long_is_refused(plugins, capsys):
     assert main(["toy-run", "--out", "x" * 300]) == 2
     error = capsys.readouterr().err
     assert "too long" in error and error.count("\n") == 1
-
-
-@pytest.mark.parametrize("text", ["", "[]", '{"workflow": "a", "preset": null, "metrics": []}', "\xff"])
-def test_a_summary_that_is_none_is_called_unreadable(tmp_path, capsys, text):
-    (tmp_path / "summary.json").write_text(text, encoding="latin-1")
-    assert main(["info", str(tmp_path)]) == 0
-    assert "summary.json: unreadable" in capsys.readouterr().out
-
-
-def test_a_summary_of_an_earlier_version_is_called_that(tmp_path, capsys):
-    (tmp_path / "summary.json").write_text('{"workflow": "a", "preset": null, "figures": {}}')
-    assert main(["info", str(tmp_path)]) == 0
-    out = capsys.readouterr().out
-    assert "summary.json: made by an earlier version, which wrote `figures`" in out and "unreadable" not in out
 
 
 def test_a_folder_below_a_file_is_refused(plugins, tmp_path, capsys):
@@ -280,49 +263,6 @@ def test_claims_that_are_met_and_those_of_an_earlier_run_are_no_error(toy, monke
     assert capsys.readouterr().err == ""
 
 
-def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
-    with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
-        file.createDimension("time", 4)
-        file.run_status = "interrupted"
-        file.seed = 11
-    (tmp_path / "grains.nc").write_bytes(b"half a file")
-    write_summary(tmp_path, "toy-run", None, {"drift": Metric(0.02, "1", 0.025, True)}, quiet=True)
-    assert main(["info", str(tmp_path)]) == 0
-    text = " ".join(capsys.readouterr().out.split())
-    assert "run_status: interrupted seed: 11" in text
-    assert "drift 0.02 0.025 holds" in text
-    assert "run.nc time 4; 0 variables" in text and "grains.nc unreadable" in text
-
-
-def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
-    with netCDF4.Dataset(tmp_path / "hard_cases.nc", "w") as file:
-        file.dt, file.seed = math.nan, 3
-    assert main(["info", str(tmp_path)]) == 0
-    out = capsys.readouterr().out
-    assert "seed: 3" in out and "nan" not in out and "dt" not in out
-
-
-def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
-    opened = []
-    monkeypatch.setattr(inspect_run, "_open", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
-    for folder in ("", "runs/a", "runs/b", "runs/a/deeper", "elsewhere"):
-        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
-        (tmp_path / folder / "run.nc").touch()
-    (tmp_path / "runs/empty").mkdir()
-    assert main(["info", str(tmp_path)]) == 0
-    assert set(map(str, opened)) == {"run.nc", "runs/a/run.nc", "runs/b/run.nc"}
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[-3:] == ["Runs:", "  runs/a  failed", "  runs/b  failed"]
-    assert main(["info", str(tmp_path / "runs/empty")]) == 2
-
-
-def closed():
-    """Stands in for a NetCDF file of a failed run."""
-    file = types.SimpleNamespace(ncattrs=lambda: ["run_status"], getncattr=lambda name: "failed")
-    file.dimensions = file.variables = {}
-    return contextlib.nullcontext(file)
-
-
 def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(plugins, tmp_path, capsys, monkeypatch):
     def none(arch):
         raise InputError(f"arch {arch!r}: this machine has none")
@@ -334,10 +274,14 @@ def test_a_gpu_that_is_not_there_is_refused_before_anything_is_made(plugins, tmp
     assert not (tmp_path / "new").exists()
 
 
-def test_what_is_left_out_of_a_file_is_said_even_if_quiet(plugins, tmp_path, capsys):
-    (tmp_path / "a.toml").write_text("grains = 30\nreplicas = 2\n")  # compare-shapes has replicas, the toy has not
+def test_what_is_not_taken_from_a_file_is_said_even_if_quiet(plugins, tmp_path, capsys):
+    (tmp_path / "a.toml").write_text("grains = 30\nmost_sheared = 30\n[hard-cases]\n[toy-run]\nseed = 3\n")
     assert main(["toy-run", "--config", "a.toml", "--quiet"]) == 0
-    assert capsys.readouterr().err == "lsm: note: a.toml: is of another experiment; left out of it: replicas\n"
+    assert capsys.readouterr().err.splitlines() == [
+        "lsm: note: a.toml: most_sheared was not taken: toy-run has no such parameter, shape-roughness has",
+        "lsm: note: a.toml: the table [hard-cases] was not taken: it is for that experiment",
+    ]
+    assert json.loads((tmp_path / "out/toy-run/summary.json").read_text())["metrics"]["seed"]["value"] == 3
 
 
 @pytest.mark.parametrize(

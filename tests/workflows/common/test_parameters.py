@@ -227,22 +227,60 @@ def test_toml_round_trip(tmp_path_factory, params):
 
 
 def test_a_file_of_another_experiment_serves_with_what_both_have(toy, tmp_path):
-    (tmp_path / "a.toml").write_text("grains = 30\ntile = 1e-3\nreplicas = 2\n")
-    params = merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile", "replicas", "grains"])
+    path = tmp_path / "a.toml"
+    path.write_text("grains = 30\ntile = 1e-3\nreplicas = 2\ngap = 0.1\n")
+    others = {"gas": ["tile", "gap", "grains"], "race": ["replicas"], "walk": ["replicas"]}
+    params = merge(toy.Params, toml_path=path, experiment="toy-run", others=others)
     assert params.grains == 30 and params.given == {"grains"}
-    assert params.notes == (f"{tmp_path / 'a.toml'}: is of another experiment; left out of it: replicas, tile",)
+    assert params.notes == (
+        f"{path}: gap and tile were not taken: toy-run has no such parameters, gas has",
+        f"{path}: replicas was not taken: toy-run has no such parameter, race and walk have",
+    )
     assert merge(toy.Params).notes == ()
     with pytest.raises(ParameterError, match=r"replicas = 2 .*: unknown parameter"):
-        merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile"])
+        merge(toy.Params, toml_path=path, others={"gas": ["tile", "gap"]})
+
+
+def test_a_table_of_an_experiment_is_for_that_one_alone(toy, tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text("grains = 30\ndim = 3\n[toy-run]\ngrains = 40\nshape = 'angular'\n[gas]\ntile = 1\n[race]\n")
+    experiments = {"experiment": "toy-run", "others": {"gas": {"tile"}, "race": set()}}
+    params = merge(toy.Params, "smoke", path, {"shape": "sphere"}, **experiments)
+    assert (params.grains, params.dim, params.shape, params.normal_stress) == (40, 3, "sphere", 1e3)
+    assert params.given == {"grains", "dim", "shape"}
+    assert params.notes == tuple(
+        f"{path}: the table [{name}] was not taken: it is for that experiment" for name in ("gas", "race")
+    )
+    path.write_text("[[toy-run.effects]]\nname = 'gravity'\nstiffness = 2.0\n")
+    assert merge(toy.Params, None, path, **experiments).effects[0].stiffness == 2.0
+
+
+def test_mistakes_in_the_tables_of_a_file_are_named(toy, tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text("gas = 3\n[toy-rum]\n[toy_run]\n[toy-run]\ntile = 1.0\ngrains = 1\n")
+    assert problems(toy.Params, None, path, experiment="toy-run", others={"gas": {"tile"}}) == [
+        f"gas = 3 ({path}): must be a table, [gas].",
+        f"[toy-rum] ({path}): unknown table; a table is named after the experiment that it is for, one of gas, toy-run."
+        " Did you mean toy-run?",
+        f"[toy_run] ({path}): unknown table; a table is named after the experiment that it is for, one of gas, toy-run."
+        " Did you mean toy-run?",
+        f"tile = 1.0 ({path}, [toy-run]): unknown parameter.",
+        f"--grains 1 ({path}, [toy-run]): must be an integer, at least 2.",
+    ]
 
 
 def test_what_a_file_of_another_experiment_sets_without_effect_is_left_out_of_it(toy, tmp_path, monkeypatch):
     monkeypatch.setattr(toy.Params, "idle", lambda self: {"note": "in a toy"})
-    (tmp_path / "a.toml").write_text('note = "mine"\ntile = 1e-3\n')
-    params = merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile"])
-    check_idle(params)
-    assert params.notes[0].endswith("left out of it: note, tile")
+    others = {"gas": ["tile"]}
+    for shared in ("tile = 1e-3\n", "[gas]\n"):
+        (tmp_path / "a.toml").write_text('note = "mine"\n' + shared)
+        params = merge(toy.Params, toml_path=tmp_path / "a.toml", others=others)
+        check_idle(params)
+        assert params.notes[1:] == (f"{tmp_path / 'a.toml'}: note was not taken: it has no effect in a toy",)
     assert '# note = "mine"  # no effect in a toy' in to_toml(params).splitlines()
     (tmp_path / "a.toml").write_text('note = "mine"\n')
     with pytest.raises(ParameterError, match="--note mine: has no effect in a toy; leave it out"):
-        check_idle(merge(toy.Params, toml_path=tmp_path / "a.toml", elsewhere=["tile"]))
+        check_idle(merge(toy.Params, toml_path=tmp_path / "a.toml", others=others))
+    (tmp_path / "a.toml").write_text('[gas]\n[toy-run]\nnote = "mine"\n')
+    with pytest.raises(ParameterError, match="--note mine: has no effect in a toy; leave it out"):
+        check_idle(merge(toy.Params, toml_path=tmp_path / "a.toml", experiment="toy-run", others=others))

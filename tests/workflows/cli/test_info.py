@@ -1,0 +1,69 @@
+"""What `lsm info` says of a folder."""
+
+import contextlib
+import math
+import types
+
+import netCDF4
+import pytest
+
+from workflows.cli import inspect_run
+from workflows.cli.main import main
+from workflows.common.metrics import Metric, write_summary
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"workflow": "a", "preset": null, "metrics": []}', "\xff"])
+def test_a_summary_that_is_none_is_called_unreadable(tmp_path, capsys, text):
+    (tmp_path / "summary.json").write_text(text, encoding="latin-1")
+    assert main(["info", str(tmp_path)]) == 0
+    assert "summary.json: unreadable" in capsys.readouterr().out
+
+
+def test_a_summary_of_an_earlier_version_is_called_that(tmp_path, capsys):
+    (tmp_path / "summary.json").write_text('{"workflow": "a", "preset": null, "figures": {}}')
+    assert main(["info", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "summary.json: made by an earlier version, which wrote `figures`" in out and "unreadable" not in out
+
+
+def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
+    with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
+        file.createDimension("time", 4)
+        file.run_status = "interrupted"
+        file.seed = 11
+    (tmp_path / "grains.nc").write_bytes(b"half a file")
+    write_summary(tmp_path, "toy-run", None, {"drift": Metric(0.02, "1", 0.025, True)}, quiet=True)
+    assert main(["info", str(tmp_path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "run_status: interrupted seed: 11" in text
+    assert "drift 0.02 0.025 holds" in text
+    assert "run.nc time 4; 0 variables" in text and "grains.nc unreadable" in text
+
+
+def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
+    with netCDF4.Dataset(tmp_path / "hard_cases.nc", "w") as file:
+        file.dt, file.seed = math.nan, 3
+    assert main(["info", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "seed: 3" in out and "nan" not in out and "dt" not in out
+
+
+def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
+    opened = []
+    monkeypatch.setattr(inspect_run, "_open", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
+    for folder in ("", "runs/a", "runs/b", "runs/a/deeper", "elsewhere"):
+        (tmp_path / folder).mkdir(parents=True, exist_ok=True)
+        (tmp_path / folder / "run.nc").touch()
+    (tmp_path / "runs/empty").mkdir()
+    assert main(["info", str(tmp_path)]) == 0
+    assert set(map(str, opened)) == {"run.nc", "runs/a/run.nc", "runs/b/run.nc"}
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-3:] == ["Runs:", "  runs/a  failed", "  runs/b  failed"]
+    assert main(["info", str(tmp_path / "runs/empty")]) == 2
+
+
+def closed():
+    """Stands in for a NetCDF file of a failed run."""
+    file = types.SimpleNamespace(ncattrs=lambda: ["run_status"], getncattr=lambda name: "failed")
+    file.dimensions = file.variables = {}
+    return contextlib.nullcontext(file)
