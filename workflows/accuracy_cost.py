@@ -25,8 +25,8 @@ from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
-from workflows.common.parameters import to_toml
 from workflows.common.refusals import check_idle
+from workflows.common.run_folder import begin_run
 from workflows.common.run_table import attributes_of
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.parameters import Shape, round_grains
@@ -286,16 +286,18 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
     return metrics
 
 
-def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
+def run(
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+) -> xarray.Dataset:
     """Make all measurements; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`.
 
     Returns accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned.
-    Runs of layers that `out` already holds are not repeated.
+
+    Raises InputError for a folder that is not empty, unless `overwrite`: what a former experiment left there is removed
+    then, but for complete runs of layers, which are not repeated.
     """
     check(params)
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    out = begin_run(params, out, overwrite, keep_runs=True)
     watch = Stopwatch()
 
     def report(label, state):

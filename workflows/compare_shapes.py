@@ -19,9 +19,9 @@ from workflows.cli import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, shown, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
-from workflows.common.parameters import to_toml
 from workflows.common.refusals import check_idle, derived
 from workflows.common.run_cost import RunCost, of_replicas
+from workflows.common.run_folder import begin_run
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots import run_plots
@@ -146,16 +146,18 @@ def build(params: Params) -> dict[str, shear_gouge.Params]:
     }
 
 
-def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
+def run(
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+) -> xarray.Dataset:
     """Shear both shapes; writes compare.nc, friction.png, summary.json and runs/ to `out`.
 
     Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files are
     written with the results there are and the run_status "failed" before SimulationError is raised.
+
+    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
     """
     check(params)
-    runs, out = build(params), Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    runs, out = build(params), begin_run(params, out, overwrite)
     watch = Stopwatch()
     # Angular grains take longer: started first, they do not leave a processor idle at the end.
     jobs = [(label, shear_gouge.__name__, runs[label], out / "runs" / label) for label in reversed(runs)]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -22,8 +21,8 @@ from workflows.cli import signals
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
-from workflows.common.parameters import to_toml
 from workflows.common.refusals import check_idle, in_terms_of
+from workflows.common.run_folder import begin_run
 from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.energy_figure import plot_energy
@@ -344,15 +343,17 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
     return metrics
 
 
-def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
+def run(
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+) -> xarray.Dataset:
     """Run everything; writes energy.nc, drift.nc, energy.png and summary.json, returns drift.nc as a Dataset.
 
     An interrupted run writes drift.nc of the schemes that are done, and energy.nc if that of the default scheme is.
+
+    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
     """
     check(params)
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    out = begin_run(params, out, overwrite)
     watch = Stopwatch()
     rows, series, stop = measure(params, progress)
     if stop and not rows:

@@ -11,7 +11,6 @@ import math
 import os
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
@@ -20,7 +19,8 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
-from workflows.common.parameters import nearest, to_toml
+from workflows.common.parameters import nearest
+from workflows.common.run_folder import begin_run
 from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.hard import Bench, cases_of, modules
@@ -170,15 +170,17 @@ def _outcome(row):
     return value + verdict + (f": {row['reason']}" if row["reason"] else "")
 
 
-def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
+def run(
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+) -> xarray.Dataset:
     """Run the cases; writes hard_cases.nc, hard_cases.md, hard_cases.png and summary.json, returns hard_cases.nc.
 
     Raises SimulationError, when all is written, if a case failed.
+
+    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
     """
     check(params)
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    out = begin_run(params, out, overwrite)
     watch = Stopwatch()
     rows = measure(params, progress)
     numbers = [

@@ -22,9 +22,9 @@ from workflows.cli import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
-from workflows.common.parameters import to_toml
 from workflows.common.refusals import checked
 from workflows.common.run_cost import RunCost, of_replicas
+from workflows.common.run_folder import begin_run
 from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.roughness import plot_roughness
@@ -186,7 +186,7 @@ def shear(params: Params, kind: str, elements: int, out: Path) -> dict[str, floa
     mobile = scene.platen_index < 0
     scene.shapes = [scene.shapes[0], *shapes]
     scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
-    dataset = shear_gouge.simulate(scene, of_run, out, None)
+    dataset = shear_gouge.simulate(scene, of_run, out, None, overwrite=True)
     metrics = shear_gouge.analyse(dataset, of_run)
     found = {name: number(metrics[name]) for name in FRICTION}
     return found | {"cost": 1.0 / rate_of(out)}
@@ -256,15 +256,17 @@ def analyse(rows: Rows) -> dict[str, Metric]:
     return metrics
 
 
-def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
+def run(
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+) -> xarray.Dataset:
     """Make all measurements; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc.
 
     An interrupted run writes roughness.nc of what is measured.
+
+    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
     """
     check(params)
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    out = begin_run(params, out, overwrite)
     watch = Stopwatch()
     rows, stop = measure(params, out, progress)
     if stop and not rows:

@@ -17,6 +17,7 @@ from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
 from workflows.common.parameters import to_toml
 from workflows.common.run_cost import RunCost, of_replicas
+from workflows.common.run_folder import begin_run, check_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
@@ -55,7 +56,9 @@ def estimate(params: Params) -> RunCost:
     return of_replicas([layer_cost(of_run) for of_run in runs_of(params, plan).values()], 2)
 
 
-def run(params: Params, out: str | os.PathLike[str], progress: Progress | None = None) -> xarray.Dataset:
+def run(
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+) -> xarray.Dataset:
     """Run the experiment; writes run.nc, grains.nc, run.png and summary.json to `out`, returns run.nc.
 
     With a target error it makes as many runs as that needs, in `out`/runs, and returns target.nc.
@@ -63,15 +66,17 @@ def run(params: Params, out: str | os.PathLike[str], progress: Progress | None =
     Raises
     ------
     InputError
-        Before anything is computed, if the parameters give no layer.
+        Before anything is computed, if the parameters give no layer, or if the folder is not empty. With `overwrite`
+        what former runs left in it is removed.
     SimulationError
         If the run has to be stopped; the files written so far are kept.
     """
     check(params)
     if params.target_error is not None:
-        return run_to_target(params, out, progress, __name__, analyse)
+        return run_to_target(params, out, progress, __name__, analyse, overwrite)
+    check_folder(out, overwrite)
     watch = Stopwatch()
-    return simulate(build(params, progress), params, out, progress, watch)
+    return simulate(build(params, progress), params, out, progress, watch, overwrite)
 
 
 def simulate(
@@ -80,11 +85,10 @@ def simulate(
     out: str | os.PathLike[str],
     progress: Progress | None = None,
     watch: Stopwatch | None = None,
+    overwrite: bool = False,
 ) -> xarray.Dataset:
     """As `run`, for a scene that may have been changed after `build`; its times begin with `watch`, or here."""
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    out = begin_run(params, out, overwrite)
     watch = watch or Stopwatch()
     if progress:
         progress({"stage": "compiling"})

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 
+import taichi_lsm as lsm
 import workflows
+from taichi_lsm.core.errors import InputError
 from workflows import hard
 from workflows.cli.discovery import find_workflows
+from workflows.common import parallel_runs
 from workflows.common.former_names import FORMER
 from workflows.common.parameter_types import choices
 from workflows.common.parameters import Params, merge, to_toml
@@ -35,10 +38,35 @@ def test_the_module_and_its_functions_are_documented(module):
     assert module.__doc__ and module.Params.__doc__ and module.run.__doc__
 
 
-def test_run_takes_parameters_a_folder_and_a_progress(module):
+def test_run_takes_parameters_a_folder_a_progress_and_whether_it_may_overwrite(module):
     signature = inspect.signature(module.run)
-    assert list(signature.parameters) == ["params", "out", "progress"]
+    assert list(signature.parameters) == ["params", "out", "progress", "overwrite"]
     assert signature.parameters["progress"].default is None
+    assert signature.parameters["overwrite"].default is False
+
+
+@pytest.fixture
+def begins_only(monkeypatch):
+    """Experiments end where they would make a simulation or a process."""
+    monkeypatch.setattr(lsm, "Simulation", None)
+    monkeypatch.setattr(parallel_runs.multiprocessing, "get_context", None)
+
+
+def test_run_removes_what_former_runs_left_if_it_may_overwrite(module, tmp_path, begins_only):
+    for name in ("config.toml", "stopped.nc", "run.pdf", "notes.txt"):
+        (tmp_path / name).write_text("old")
+    with pytest.raises(TypeError):
+        module.run(merge(module.Params, "smoke"), tmp_path, overwrite=True)
+    assert {path.name for path in tmp_path.iterdir()} == {"config.toml", "notes.txt"}
+    assert tomllib.loads((tmp_path / "config.toml").read_text())
+
+
+def test_run_refuses_a_folder_that_is_not_empty(module, tmp_path, begins_only):
+    """Before anything is made: Python users lose no results by repeating a line."""
+    (tmp_path / "run.nc").write_text("results")
+    with pytest.raises(InputError, match=rf"^out {tmp_path}: is not empty, .* unless overwrite=True is given\.$"):
+        module.run(merge(module.Params, "smoke"), tmp_path)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["results"]
 
 
 @pytest.mark.parametrize("preset", PRESETS)

@@ -179,7 +179,7 @@ def observed(monkeypatch, tmp_path):
     def observe(module, params):
         log.clear()
         with contextlib.suppress(Stop):
-            module.run(params, tmp_path)
+            module.run(params, tmp_path, overwrite=True)
         return repr(log)
 
     return observe

@@ -6,6 +6,7 @@ replica in a process of its own can import them by name as well.
 
 import ast
 import importlib
+import inspect
 import os
 import traceback
 from pathlib import Path
@@ -15,6 +16,7 @@ import workflows
 from workflows.common.parameters import Params
 
 PLUGINS = "LSM_PLUGINS"
+RUN_TAKES = ("params", "out", "progress", "overwrite")
 HERE = Path(__file__).parents[1]
 
 
@@ -88,5 +90,7 @@ def find_workflows() -> dict[str, ModuleType]:
             raise DiscoveryError(f"{path}{line}: cannot be imported: {reason}") from error
         if not (isinstance(module.Params, type) and issubclass(module.Params, Params)):
             raise DiscoveryError(f"{path}: Params must be a subclass of workflows.common.parameters.Params.")
+        if list(inspect.signature(module.run).parameters) != list(RUN_TAKES):
+            raise DiscoveryError(f"{path}: run must take {', '.join(RUN_TAKES)}, in this order.")
         found[path.stem.replace("_", "-")] = module
     return found

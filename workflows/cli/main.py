@@ -34,6 +34,7 @@ from workflows.common.parameter_types import allowed, choices_in_words, kind, li
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import machine_memory, objections
+from workflows.common.run_folder import check_folder
 
 COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -188,15 +189,9 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
 
     listed = [
         parameter("preset", str, FILES, f"starting values; one of {presets}", DEFAULT_PRESET, metavar="NAME"),
-        parameter(
-            "config",
-            str,
-            FILES,
-            "TOML file of parameters, which override the preset; a table [NAME] is for that experiment",
-            metavar="FILE",
-        ),
+        parameter("config", str, FILES, "TOML file, wins over the preset; [NAME]: of one experiment", metavar="FILE"),
         parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
-        parameter("overwrite", bool, FILES, "write over files in a folder that is not empty", negative=()),
+        parameter("overwrite", bool, FILES, "write to a folder that is not empty, over former runs", negative=()),
         parameter("quiet", bool, FILES, "print nothing but errors and claims that are not met", negative=()),
         parameter("yes", bool, FILES, "start also what takes more than a day or half of the memory", negative=()),
         parameter("strict", bool, FILES, "exit with code 3 if a claim is not met", negative=()),
@@ -301,7 +296,7 @@ def execute(
     earlier = _written_at(folder / FILE)
     with ProgressLine(quiet) as progress:
         try:
-            module.run(params, out=folder, progress=None if quiet else progress)
+            module.run(params, out=folder, progress=None if quiet else progress, overwrite=overwrite)
         except InputError as error:
             _remove_empty(made)
             return _complain(_problems_of(error))
@@ -343,24 +338,10 @@ def _problems_of(error: InputError) -> list[str]:
 def refusals(folder: Path, overwrite: bool) -> list[str]:
     """Reasons why the folder cannot be written to; [] if it can."""
     try:
-        return _refusals(folder, overwrite)
-    except OSError as error:  # such as a name that is too long
-        return [f"--out {folder}: cannot be used: {error.strerror}."]
-
-
-def _refusals(folder: Path, overwrite: bool) -> list[str]:
-    if folder.is_dir():
-        if not os.access(folder, os.W_OK | os.X_OK):
-            return [f"--out {folder}: may not be written to."]
-        if any(folder.iterdir()) and not overwrite:
-            return [f"--out {folder}: is not empty, must be new or empty unless --overwrite is given."]
-        return []
-    if folder.exists():
-        return [f"--out {folder}: is a file, must be a folder."]
-    above = next(p for p in folder.absolute().parents if p.exists())
-    if not above.is_dir():
-        return [f"--out {folder}: {above} is a file, must be a folder."]
-    return [] if os.access(above, os.W_OK | os.X_OK) else [f"--out {folder}: {above} may not be written to."]
+        check_folder(folder, overwrite, "--out", "--overwrite")
+    except InputError as error:
+        return [str(error)]
+    return []
 
 
 def _remove_empty(folders: list[Path]) -> None:

@@ -72,7 +72,8 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | N
     Parameters
     ----------
     jobs
-        (label, module_name, params, out_dir) each; the process calls module.run(params, out=..., progress=...).
+        (label, module_name, params, out_dir) each; the process calls module.run(params, out=..., progress=...,
+        overwrite=True): the folders belong to the experiment that makes the runs.
     at_a_time
         Number of processes at once.
     progress
@@ -275,7 +276,7 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
         module_name, params, out, reports = pickle.loads(payload)
         Path(out).mkdir(parents=True, exist_ok=True)
         module = importlib.import_module(module_name)
-        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None)
+        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None, overwrite=True)
         code = 0
     except signals.Interrupted as interrupted:
         code = 128 + interrupted.signum

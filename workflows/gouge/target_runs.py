@@ -13,8 +13,8 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, number, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
-from workflows.common.parameters import to_toml
 from workflows.common.refusals import derived
+from workflows.common.run_folder import begin_run
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import target_error
@@ -47,17 +47,17 @@ def run_to_target(
     progress: Progress | None,
     workflow: str,
     analyse: Callable[[xarray.Dataset, Params], dict[str, Metric]],
+    overwrite: bool = False,
 ) -> xarray.Dataset:
     """Plan and carry out the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
 
-    workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them.
+    workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them; overwrite: as
+    `begin_run` takes it.
     """
-    out = Path(out)
     row = target_error.table_of(params.shape, params.dim)
     target = params.target_error or 0.0
     plan = target_error.plan(params, target)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "config.toml").write_text(to_toml(params), encoding="utf-8")
+    out = begin_run(params, out, overwrite)
     if progress:
         print(
             f"target {target:g}: {plan.seeds} runs to strain {plan.strain:g}, {plan.step_safety:g} of the "

@@ -63,3 +63,10 @@ def test_finding_imports_neither_taichi_nor_the_plotting(plugins):
     names, heavy = done.stdout.split("\n")[:2]
     assert "toy-run" in names.split(), done.stderr
     assert heavy == ""
+
+
+def test_a_run_that_lacks_an_argument_is_refused(plugins):
+    text = (plugins / "toy_run.py").read_text()
+    (plugins / "old_run.py").write_text(text.replace(", overwrite=False", ""))
+    with pytest.raises(DiscoveryError, match=r"old_run.py: run must take params, out, progress, overwrite, in this"):
+        find_workflows()
