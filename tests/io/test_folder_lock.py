@@ -1,0 +1,96 @@
+"""The lock of a folder: against another process, against this one, after a kill, and in a race."""
+
+import errno
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.io.folder_lock import NAME, locked
+
+ROOT = Path(__file__).resolve().parents[2]
+HOLD = """
+import sys
+from taichi_lsm.io.folder_lock import locked
+with locked(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def start(folder):
+    """A process that holds the lock until its input ends."""
+    command = [sys.executable, "-c", HOLD, str(folder)]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+    assert process.stdout.readline() == "held\n", process.communicate()[1]
+    return process
+
+
+def check_refused(folder, message):
+    with pytest.raises(lsm.InputError, match=message), locked(folder):
+        pass
+
+
+def test_a_second_process_is_refused_and_told_the_first(tmp_path):
+    process = start(tmp_path)
+    check_refused(tmp_path, rf"{tmp_path}: is in use by process {process.pid} on .*; wait")
+    process.communicate()
+    assert process.returncode == 0 and not os.listdir(tmp_path)
+    with locked(tmp_path):
+        assert os.listdir(tmp_path) == [NAME]
+    assert not os.listdir(tmp_path)
+
+
+def test_a_killed_process_holds_nothing(tmp_path):
+    process = start(tmp_path)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert os.listdir(tmp_path) == [NAME]
+    with locked(tmp_path):
+        assert f"process {os.getpid()} on" in (tmp_path / NAME).read_text()
+    assert not os.listdir(tmp_path)
+
+
+def test_the_same_process_is_refused_too_and_an_error_releases(tmp_path):
+    def refused_then_failing():
+        with locked(tmp_path):
+            check_refused(tmp_path, f"is in use by process {os.getpid()} on")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        refused_then_failing()
+    with locked(str(tmp_path)):
+        pass
+
+
+def test_a_lock_of_a_removed_file_is_no_lock(tmp_path, monkeypatch):
+    """The former holder removes the file between our opening and our locking it."""
+    flock, removed = fcntl.flock, []
+
+    def slow(file, how):
+        if not removed:
+            removed.append(1)
+            os.unlink(tmp_path / NAME)
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", slow)
+    with locked(tmp_path):
+        assert (tmp_path / NAME).exists()
+        check_refused(tmp_path, "is in use by process")
+
+
+def test_folders_that_cannot_be_locked_are_refused(tmp_path, monkeypatch):
+    check_refused(tmp_path / "none", r"none: cannot be locked \(No such file or directory\), must be")
+
+    def none(file, how):
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with pytest.warns(UserWarning, match=r"has no locks \(Function not implemented\)"), locked(tmp_path):
+        pass
