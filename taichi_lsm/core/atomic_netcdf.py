@@ -3,12 +3,16 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from .errors import InputError
+from .whole_files import replacing
 
 if TYPE_CHECKING:
     import netCDF4
+
+FIRST_BYTES = 2**16  # of memory, which grows in such steps
+PROBE = 2**20  # bytes
+FileFormat = Literal["NETCDF4", "NETCDF3_64BIT_OFFSET"]
 
 
 def write_atomically(path: str | os.PathLike[str], fill: "Callable[[netCDF4.Dataset], None]") -> None:
@@ -25,6 +29,9 @@ def write_atomically(path: str | os.PathLike[str], fill: "Callable[[netCDF4.Data
     ------
     InputError
         If there is no folder to write to.
+    SimulationError
+        If the file cannot be written: the disk is full, read-only or gone. The message names the file, the reason, the
+        free space and what to do; the file that was there stays.
 
     Notes
     -----
@@ -32,18 +39,45 @@ def write_atomically(path: str | os.PathLike[str], fill: "Callable[[netCDF4.Data
     """
     import netCDF4  # not at the top: a program that writes no file does not wait for it
 
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise InputError(f"{path}: cannot be written, there is no folder {path.parent}; make it first")
-    # One fixed name: what a killed process leaves is overwritten by the next write instead of piling up.
-    temporary = path.with_name(f".{path.name}.part")
+    with replacing(Path(path)) as temporary:
+        try:
+            with netCDF4.Dataset(temporary, "w", format="NETCDF4") as dataset:
+                fill(dataset)
+        except (OSError, RuntimeError) as error:
+            reason = _refusal(temporary)
+            if reason is None and str(error).startswith("NetCDF:"):
+                reason = OSError(str(error))
+            raise reason or error from error
+
+
+def _refusal(path: Path) -> OSError | None:
+    """Why the system refuses to write on behind what the library left at `path`; None if it does not.
+
+    HDF5 tells no reason, and calls a full disk a lack of permission.
+    """
     try:
-        with netCDF4.Dataset(temporary, "w", format="NETCDF4") as dataset:
-            fill(dataset)
-        # Without this a power failure soon after the rename may leave an empty file under the final name.
-        with open(temporary, "rb+") as file:
+        with open(path, "ab", buffering=0) as file:
+            rest = memoryview(bytes(PROBE))
+            while rest:
+                rest = rest[file.write(rest) :]
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+    except OSError as error:
+        return error
+    return None
+
+
+def compose(fill: "Callable[[netCDF4.Dataset], None]", file_format: FileFormat = "NETCDF4") -> memoryview:
+    """The NetCDF file that `fill` makes of an open, empty dataset, in memory, to be read; zeros follow its end.
+
+    Of the classic format it may be written to the disk as it is. One of HDF5 could not be changed then, and would list
+    its variables in alphabetical order.
+    """
+    import netCDF4
+
+    dataset = netCDF4.Dataset("composed.nc", "w", format=file_format, memory=FIRST_BYTES)
+    try:
+        fill(dataset)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        dataset.close()
         raise
+    return memoryview(dataset.close())

@@ -39,7 +39,9 @@ def save_shapes(path: str | PathLike[str], shapes: Sequence[GrainShape]) -> None
     Raises
     ------
     InputError
-        For anything that is no shape, and if the file cannot be written.
+        For anything that is no shape, and if there is no folder to write to.
+    SimulationError
+        If the file cannot be written: the disk is full or read-only.
     """
     unknown = [s for s in shapes if type(s).__name__ not in CLASSES]
     if unknown:
@@ -59,10 +61,7 @@ def save_shapes(path: str | PathLike[str], shapes: Sequence[GrainShape]) -> None
         for k, shape in enumerate(shapes):
             _write(file.createGroup(f"shape_{k}"), shape)
 
-    try:
-        write_atomically(path, fill)
-    except OSError as error:
-        raise InputError(f"shapes {path}: cannot be written ({error})") from None
+    write_atomically(path, fill)
 
 
 def _write(group: Group, shape: GrainShape) -> None:
