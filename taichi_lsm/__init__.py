@@ -47,11 +47,11 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.checkpoint import restore_checkpoint as restore_checkpoint
     from .io.checkpoint import save_checkpoint as save_checkpoint
     from .io.effect_table import read_effects as read_effects
+    from .io.global_attributes import file_attributes as file_attributes
     from .io.layer_recorder import LayerRecorder as LayerRecorder
     from .io.netcdf_variables import Scalar as Scalar
     from .io.open_run import open_run as open_run
     from .io.open_run import open_runs as open_runs
-    from .io.run_file import file_attributes as file_attributes
     from .io.run_file import write_energies as write_energies
     from .io.run_file import write_table as write_table
     from .measure import statistics as statistics
@@ -117,7 +117,7 @@ _HOME = {
     "read_effects": "io.effect_table",
     "Scalar": "io.netcdf_variables",
     "write_table": "io.run_file",
-    "file_attributes": "io.run_file",
+    "file_attributes": "io.global_attributes",
     "write_energies": "io.run_file",
     "open_run": "io.open_run",
     "open_runs": "io.open_run",

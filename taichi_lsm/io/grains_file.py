@@ -1,5 +1,10 @@
-"""Snapshots of all grains (grains.nc): constants per grain, the shared shape table, and states in time."""
+"""Snapshots of all grains (grains.nc): constants per grain, the shared shape table, and states in time.
 
+A file of records (`core.record_netcdf`): a snapshot is written behind the last one and then counted, so that it costs
+the same however many there are, and a killed run leaves all of those before.
+"""
+
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -8,11 +13,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core.atomic_netcdf import write_atomically
+from ..core.atomic_netcdf import compose
 from ..core.errors import InputError
+from ..core.record_netcdf import (
+    FORMAT,
+    LARGEST,
+    append_record,
+    create_record_file,
+    is_record_file,
+    layout_of,
+    read_layout,
+    read_records,
+    replace_texts,
+)
 from ..core.schema import Variable
+from .global_attributes import RUN_STATUS, require_status, set_global_attributes, utc_now
 from .netcdf_variables import (
     Scalar,
+    characters,
     checked_array,
     checked_text,
     netcdf_type,
@@ -25,7 +43,7 @@ from .netcdf_variables import (
     require_names,
     rows_by_name,
 )
-from .run_file import RUN_STATUS, require_status, set_global_attributes
+from .resumed_file import REMEDY, opened, require_count, require_rows, require_same_declaration, resumed_attributes
 
 if TYPE_CHECKING:
     import netCDF4
@@ -41,6 +59,8 @@ COMMENT = (
 INTACT = {"flag_values": [0, 1], "flag_meanings": ["broken", "intact"]}
 KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
 STATIC_DIMS = ("grain", "space", "quaternion", "shape", "patch")
+TEXT_ROOM = 64  # bytes that a text along time has
+LONGEST_STATUS = max(RUN_STATUS, key=len)  # keeps the room for the others
 
 
 def static_rows(dim: int, bonded: bool = False) -> list[Variable]:
@@ -92,7 +112,7 @@ def snapshot_rows(dim: int, rotates: bool = True, oriented: bool = True, bonded:
 
 
 class GrainsWriter:
-    """Snapshots of all grains; the whole file is rewritten at every `append`, so keep snapshots few.
+    """Snapshots of all grains, each of which is on the disk when `append` returns.
 
     Parameters
     ----------
@@ -118,11 +138,18 @@ class GrainsWriter:
     scalars
         What holds for the whole file, such as the parameters. These, the texts and snapshot rows with no dimension but
         time, such as the shear strain, serve the others as coordinates.
+    keep
+        None makes a new file. A number takes over the file at `path`, which a former process wrote with the same
+        declaration: its first `keep` snapshots stay, later ones are dropped, and its date_created, id and history are
+        kept. The parameters (`scalars`) and other attributes are those given here.
 
     Raises
     ------
     InputError
-        Names the row if a name, a shape or a type does not fit.
+        Names the row if a name, a shape or a type does not fit, or a variable is too large for the file; names the file
+        and what differs if it cannot be taken over. It is then unchanged.
+    SimulationError
+        If the file cannot be written (`core.whole_files`).
     """
 
     def __init__(
@@ -137,6 +164,7 @@ class GrainsWriter:
         precision: str = "f64",
         text: Mapping[str, str] | None = None,
         scalars: Sequence[Scalar] = (),
+        keep: int | None = None,
     ) -> None:
         self.path = Path(path)
         self.text, self.scalars = dict(text or {}), tuple(scalars)
@@ -162,9 +190,10 @@ class GrainsWriter:
         self.extra = {"kind": KIND, "bond_intact": INTACT, **(extra_attributes or {})}
         if "patch_count" in self.static:
             self.extra["patch_count"] = {"sample_dimension": "patch", **self.extra.get("patch_count", {})}
-        self._times = []
-        self._snapshots = {name: [] for name in (*self.variables, *self.text)}
-        self._write()
+        self._require_sizes()
+        self._last_time = -np.inf
+        records = () if keep is None else self._kept_records(keep)
+        self._layout = create_record_file(self.path, self._fill, {"run_status": self.run_status}, records)
 
     @staticmethod
     def _in_time(variable: Variable) -> Variable:
@@ -210,19 +239,49 @@ class GrainsWriter:
             last = self.sizes["shape"] - 1
             raise InputError(f"shape_index: {index.min()}..{index.max()}, allowed are 0..{last}")
 
+    def _require_sizes(self) -> None:
+        """Refuse variables that are larger than the format allows."""
+        for name, variable in {**self.static_variables, **self.variables}.items():
+            shape = self._shape(d for d in variable.dims if d != "time")
+            size = math.prod(shape) * netcdf_type(variable, self.precision).itemsize
+            if not 0 < size <= LARGEST:
+                raise InputError(f"{name}: shape {shape}, {size} bytes; allowed are 1 to {LARGEST} bytes")
+
+    def _kept_records(self, keep: int) -> Iterable[bytes]:
+        """The first `keep` snapshots of the file that is there, as they lie in it, if the file fits.
+
+        The file is made anew with them, for its history grows.
+        """
+        require_count(self.path, keep)
+        image = compose(self._fill, FORMAT)
+        with opened(self.path) as there:
+            if not is_record_file(self.path):
+                raise InputError(f"{self.path}: cannot be continued, an earlier version wrote it; {REMEDY}")
+            require_same_declaration(self.path, there, image, [scalar.name for scalar in self.scalars])
+            layout = read_layout(self.path)
+            if list(layout.variables.items()) != list(layout_of(image).variables.items()):
+                raise InputError(f"{self.path}: cannot be continued, its variables lie in another order; {REMEDY}")
+            require_rows(self.path, keep, layout.whole, "whole snapshots")
+            self.attributes = resumed_attributes(self.attributes, there)
+            if keep:
+                self._last_time = float(there["time"][keep - 1])
+        return read_records(self.path, layout, keep)
+
     @property
     def last_time(self) -> float:
         """Time of the last snapshot [s], -inf before the first."""
-        return self._times[-1] if self._times else -np.inf
+        return self._last_time
 
     def append(self, time: float, arrays: Mapping[str, npt.ArrayLike]) -> None:
-        """Add one snapshot at `time` [s] and write the file; arrays: {name: array without the dimension time}.
+        """Write one snapshot at `time` [s] behind the others; arrays: {name: array without the dimension time}.
 
         Raises
         ------
         InputError
             And keeps nothing of the snapshot, if a name, a shape or a type does not fit, time does not increase, or the
             writer is closed.
+        SimulationError
+            And keeps nothing of the snapshot, if it cannot be written; the earlier ones stay readable.
         """
         if self.run_status != "running":
             raise InputError(f"{self.path.name} is closed ({self.run_status}); no snapshot can be appended")
@@ -233,40 +292,43 @@ class GrainsWriter:
             name: checked_array(v, arrays[name], self._shape(v.dims[1:]), self.precision)
             for name, v in self.variables.items()
         }
-        texts = {name: checked_text(name, arrays[name]) for name in self.text}
-        self._times.append(float(time))
-        for name, array in {**checked, **texts}.items():
-            self._snapshots[name].append(array)
-        self._write()
+        texts = {name: _characters(name, arrays[name]) for name in self.text}
+        record = {"time": np.float64(time), **checked, **texts}
+        self._layout = append_record(self.path, self._layout, record)
+        self._last_time = float(time)
 
     def close(self, run_status: str) -> None:
-        """Write the file with the final run_status: complete, failed or interrupted."""
+        """Write the final run_status: complete, failed or interrupted. It has its room in the file, and costs none."""
         require_status(run_status, RUN_STATUS[1:])
         self.run_status = run_status
-        self._write()
-
-    def _write(self) -> None:
-        write_atomically(self.path, self._fill)
+        replace_texts(self.path, self._layout, {"run_status": run_status, "date_modified": utc_now()})
 
     def _fill(self, dataset: "netCDF4.Dataset") -> None:
-        set_global_attributes(dataset, self.attributes, self.run_status)
+        """Write what does not change, and declare the rest."""
+        set_global_attributes(dataset, self.attributes, LONGEST_STATUS)
         # In a fixed order, so that equal runs give equal files.
         for dimension in sorted(self.sizes, key=lambda d: (d not in STATIC_DIMS, d)):
             if dimension not in self.labels:
                 dataset.createDimension(dimension, self.sizes[dimension])
-        put_time(dataset, np.array(self._times))
+        put_time(dataset, np.empty(0))
         used = {d for v in (*self.static_variables.values(), *self.variables.values()) for d in v.dims}
         labels = put_labels(dataset, {d: texts for d, texts in self.labels.items() if d in used})
         in_time = [name for name, variable in self.variables.items() if variable.dims == ("time",)]
         labels = (*labels, *put_scalars(dataset, self.scalars), *self.text, *in_time)
         for name, long_name in self.text.items():
-            put_text_in_time(dataset, name, long_name, np.array(self._snapshots[name], dtype=object))
+            put_text_in_time(dataset, name, long_name, np.empty(0, dtype=object), TEXT_ROOM)
         # Coordinates first: a variable can only be attached to what is there.
         for name in sorted(self.variables, key=lambda name: name not in in_time):
             variable = self.variables[name]
-            array = np.empty((len(self._times), *self._shape(variable.dims[1:])), netcdf_type(variable, self.precision))
-            for i, snapshot in enumerate(self._snapshots[name]):
-                array[i] = snapshot
-            put_variable(dataset, variable, array, self.extra.get(name), () if name in in_time else labels)
+            none = np.empty((0, *self._shape(variable.dims[1:])), netcdf_type(variable, self.precision))
+            put_variable(dataset, variable, none, self.extra.get(name), () if name in in_time else labels)
         for name, variable in self.static_variables.items():
             put_variable(dataset, variable, self.static[name], self.extra.get(name), labels)
+
+
+def _characters(name: str, text: Any) -> npt.NDArray:
+    """A text along time as it lies in a record; InputError if it is none, or too long."""
+    size = len(checked_text(name, text).encode())
+    if size > TEXT_ROOM:
+        raise InputError(f"{name}: {text!r} has {size} bytes, must have at most {TEXT_ROOM}")
+    return characters(np.array(text, dtype=object), TEXT_ROOM)

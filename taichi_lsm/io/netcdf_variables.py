@@ -1,5 +1,7 @@
 """Schema rows as NetCDF variables: checks of what is given, and their dimensions, types and attributes.
 
+Files of the classic format (`core.record_netcdf`) have no strings and no compression: texts are rows of characters
+there, which readers turn back into texts.
 All checks raise `InputError` that names the row: rows and values come from whoever writes a workflow.
 """
 
@@ -141,18 +143,23 @@ def put_variable(
     -----
     No _FillValue: rows are complete, and CF forbids it on coordinates.
     """
-    options: dict[str, Any] = {}
-    if array.size >= COMPRESS_FROM:
-        rows = CHUNK_VALUES * array.shape[0] // array.size  # along the first dimension, in one chunk
-        chunks = (min(max(rows, 1), array.shape[0]), *array.shape[1:])
-        options = {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": chunks}
-    elif variable.dims and dataset.dimensions[variable.dims[0]].isunlimited():
-        options = {"chunksizes": tuple(max(1, n) for n in array.shape)}  # the library's choice wastes space
+    options = _storage(dataset, variable, array) if _is_hdf5(dataset) else {}
     stored = dataset.createVariable(variable.name, array.dtype, variable.dims, fill_value=False, **options)
     stored.setncatts({"units": variable.units, "long_name": variable.long_name})
     stored.setncatts(flag_attributes(variable, extra or {}))
     _attach(stored, dataset, coordinates)
     stored[...] = array
+
+
+def _storage(dataset: "netCDF4.Dataset", variable: Variable, array: npt.NDArray) -> dict[str, Any]:
+    """How the values lie in an HDF5 file: compressed in chunks if there are many."""
+    if array.size >= COMPRESS_FROM:
+        rows = CHUNK_VALUES * array.shape[0] // array.size  # along the first dimension, in one chunk
+        chunks = (min(max(rows, 1), array.shape[0]), *array.shape[1:])
+        return {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": chunks}
+    if variable.dims and dataset.dimensions[variable.dims[0]].isunlimited():
+        return {"chunksizes": tuple(max(1, n) for n in array.shape)}  # the library's choice wastes space
+    return {}
 
 
 def put_time(dataset: "netCDF4.Dataset", times: npt.NDArray) -> None:
@@ -185,23 +192,58 @@ def put_text(
     coordinates: Iterable[str] = (),
 ) -> None:
     """Create a variable of texts (object array) with these dimensions; coordinates as in `put_variable`."""
+    if not _is_hdf5(dataset):
+        put_characters(dataset, name, long_name, dims, texts, coordinates=coordinates)
+        return
     stored = dataset.createVariable(name, str, dims)
     stored.long_name = long_name
     _attach(stored, dataset, coordinates)
     stored[...] = texts
 
 
-def put_text_in_time(dataset: "netCDF4.Dataset", name: str, long_name: str, texts: npt.NDArray) -> None:
-    """Create a variable of one text per time, as rows of characters, which are compressed; readers see texts."""
-    longest = max((len(text.encode()) for text in texts), default=1)
-    dims = ("time", f"{name}_length")
-    dataset.createDimension(dims[1], longest)
-    characters = np.array([text.encode() for text in texts], f"S{longest}").view("S1").reshape(-1, longest)
-    chunks = (max(1, len(texts)), longest)
-    stored = dataset.createVariable(name, "S1", dims, zlib=True, complevel=1, fill_value=False, chunksizes=chunks)
+def put_text_in_time(
+    dataset: "netCDF4.Dataset", name: str, long_name: str, texts: npt.NDArray, room: int | None = None
+) -> None:
+    """Create a variable of one text per time, as rows of characters; `room`: bytes, None for those of the longest."""
+    put_characters(dataset, name, long_name, ("time",), texts, room)
+
+
+def put_characters(
+    dataset: "netCDF4.Dataset",
+    name: str,
+    long_name: str,
+    dims: tuple[str, ...],
+    texts: npt.NDArray,
+    room: int | None = None,
+    coordinates: Iterable[str] = (),
+) -> None:
+    """Create a variable of texts (object array) as rows of `room` characters, see `put_text`; readers see texts."""
+    room = room or longest(texts)
+    dataset.createDimension(f"{name}_length", room)
+    options: dict[str, Any] = {}
+    if _is_hdf5(dataset) and dims:
+        options = {"zlib": True, "complevel": 1, "chunksizes": (*(max(1, n) for n in texts.shape), room)}
+    stored = dataset.createVariable(name, "S1", (*dims, f"{name}_length"), fill_value=False, **options)
     stored.setncatts({"long_name": long_name, "_Encoding": "utf-8"})
+    _attach(stored, dataset, coordinates)
     stored.set_auto_chartostring(False)
-    stored[...] = characters
+    if texts.size:
+        stored[...] = characters(texts, room)
+
+
+def longest(texts: npt.NDArray) -> int:
+    """Bytes of the longest text, at least 1."""
+    return max((len(text.encode()) for text in texts.ravel()), default=1) or 1
+
+
+def characters(texts: npt.NDArray, room: int) -> npt.NDArray:
+    """Texts as an array of single bytes, `room` of them for each, along a last dimension; NUL fills them up."""
+    encoded = np.array([text.encode() for text in texts.ravel()], f"S{room}")
+    return encoded.view("S1").reshape(*texts.shape, room)
+
+
+def _is_hdf5(dataset: "netCDF4.Dataset") -> bool:
+    return dataset.data_model == "NETCDF4"
 
 
 def _attach(stored: Any, dataset: "netCDF4.Dataset", coordinates: Iterable[str]) -> None:

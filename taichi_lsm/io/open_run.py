@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
+from ..core.record_netcdf import is_record_file, read_layout
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -37,6 +38,8 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     if not path.is_file():
         raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}, {EXPECTED}")
     try:
+        if is_record_file(path):
+            _require_whole(path)
         dataset = xarray.load_dataset(path, engine="netcdf4")
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}), {EXPECTED}; it may be truncated or damaged") from None
@@ -45,6 +48,13 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     if "stage" in dataset.coords and dataset.stage.dims == ("time",):
         dataset = dataset.set_xindex("stage")
     return dataset
+
+
+def _require_whole(path: Path) -> None:
+    """ValueError if a file of records was cut off: the library would give zeros for what is missing."""
+    layout = read_layout(path)
+    if layout.whole < layout.count:
+        raise ValueError(f"it counts {layout.count} snapshots and holds {layout.whole}")
 
 
 def open_runs(folder: str | PathLike[str]) -> "Dataset":

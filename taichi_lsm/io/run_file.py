@@ -5,12 +5,8 @@ Conventions CF-1.11 and ACDD-1.3. Times are float64 elapsed seconds with units "
 date. Text labels are auxiliary coordinates such as `effect_name(effect)`.
 """
 
-import subprocess
 import time
-import uuid
 from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
-from importlib import metadata
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,10 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core.atomic_netcdf import write_atomically
+from ..core.atomic_netcdf import compose, write_atomically
 from ..core.errors import InputError
 from ..core.schema import Variable
+from ..core.whole_files import require_folder_still
 from .effect_table import put_effects
+from .global_attributes import RUN_STATUS, require_status, set_global_attributes
+from .global_attributes import file_attributes as file_attributes
 from .netcdf_variables import (
     Scalar,
     checked_array,
@@ -37,100 +36,12 @@ from .netcdf_variables import (
     require_names,
     rows_by_name,
 )
+from .resumed_file import opened, require_count, require_rows, require_same_declaration, resumed_attributes
 
 if TYPE_CHECKING:
     import netCDF4
 
     from ..effects.base import Effect
-
-RUN_STATUS = ("running", "complete", "failed", "interrupted")
-REFERENCES = (
-    "Abe and Mora (2003), Efficient implementation of complex particle shapes in the lattice solid model; "
-    "Mair, Frye and Marone (2002), doi:10.1029/2001JB000516"
-)
-
-
-def utc_now() -> str:
-    """Present time as ISO 8601 text in UTC, to the second."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-def package_version(name: str) -> str:
-    """Version of an installed distribution, or "unknown"."""
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "unknown"
-
-
-def git_commit(folder: str | PathLike[str] | None = None) -> str:
-    """Commit of the repository that the package's folder lies in, or "unknown".
-
-    A repository without taichi_lsm at its root belongs to another project that holds a virtual environment.
-    """
-    folder = Path(__file__).parent if folder is None else Path(folder)
-    command = ["git", "rev-parse", "--show-toplevel", "HEAD"]
-    try:
-        answer = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=10, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    root, commit = answer.stdout.split("\n")[:2]
-    return commit if (Path(root) / "taichi_lsm" / "scene.py").exists() else "unknown"
-
-
-def file_attributes(
-    title: str,
-    summary: str,
-    config_toml: str,
-    seed: int,
-    dt: float,
-    arch: str,
-    precision: str,
-    references: str = REFERENCES,
-) -> dict[str, Any]:
-    """Global attributes of a file, as a dict; the writers add run_status and date_modified.
-
-    Parameters
-    ----------
-    title, summary
-        What the file holds, in one line and in a few sentences.
-    config_toml
-        The merged parameters as TOML text.
-    seed
-        Random seed.
-    dt
-        Time step [s].
-    arch, precision
-        Those of the runtime.
-    references
-        Papers that the data rest on.
-    """
-    version, created = package_version("taichi-lsm"), utc_now()
-    return {
-        "Conventions": "CF-1.11, ACDD-1.3",
-        "title": title,
-        "summary": summary,
-        "source": f"taichi_lsm {version}, Taichi {package_version('taichi')}, {arch}, {precision}",
-        "history": f"{created} created by taichi_lsm {version}",
-        "references": references,
-        "date_created": created,
-        "id": str(uuid.uuid4()),
-        "config_toml": config_toml,
-        "seed": int(seed),
-        "dt": float(dt),
-        "git_commit": git_commit(),
-    }
-
-
-def set_global_attributes(dataset: "netCDF4.Dataset", attributes: Mapping[str, Any], run_status: str) -> None:
-    """Write the global attributes with this run_status and the present date_modified."""
-    dataset.setncatts({**attributes, "run_status": run_status, "date_modified": utc_now()})
-
-
-def require_status(run_status: str, allowed: Sequence[str] = RUN_STATUS) -> None:
-    """Raise InputError unless run_status is one of `allowed`."""
-    if run_status not in allowed:
-        raise InputError(f"run_status {run_status!r}, allowed are {', '.join(allowed)}")
 
 
 def write_table(
@@ -238,11 +149,19 @@ class RunWriter:
         What holds for the whole file, such as the parameters: scalar coordinates.
     effects
         The effects of the scene, whose parameters are written as a table (`effect_table.put_effects`).
+    keep
+        None makes a new file. A number takes over the file at `path`, which a former process wrote with the same
+        declaration: its first `keep` rows stay, later ones are dropped, and its date_created, id and history are kept.
+        The parameters (`scalars`) and other attributes are those given here.
 
     Raises
     ------
     InputError
-        For a declaration that contradicts itself.
+        For a declaration that contradicts itself; names the file and what differs if it cannot be taken over. It is
+        then unchanged.
+    SimulationError
+        If the file cannot be written (`core.whole_files`), also from `append`, `flush` and `close`: no row is lost, the
+        next write has them all.
 
     Notes
     -----
@@ -261,6 +180,7 @@ class RunWriter:
         text: Mapping[str, str] | None = None,
         scalars: Sequence[Scalar] = (),
         effects: Sequence["Effect"] = (),
+        keep: int | None = None,
     ) -> None:
         self.path = Path(path)
         self.attributes = dict(attributes)
@@ -278,7 +198,10 @@ class RunWriter:
         for name, variable in self.variables.items():
             self._stored[name] = np.empty((0, *self._shapes[name]), netcdf_type(variable))
         self._last_time = -np.inf
-        self.flush()
+        if keep is not None:
+            self._take_over(keep)
+        self._flushed = -np.inf
+        self._write()
 
     def _check_declaration(self) -> None:
         for name, variable in self.variables.items():
@@ -289,6 +212,18 @@ class RunWriter:
                     raise InputError(f"{name}: dimension {dimension!r} has no labels in coordinates")
         require_known("auxiliary", self.auxiliary, self.variables)
         require_known("extra_attributes", self.extra, self.variables)
+
+    def _take_over(self, keep: int) -> None:
+        """Read the first `keep` rows of the file that is there."""
+        require_count(self.path, keep)
+        image = compose(self._fill)
+        with opened(self.path) as there:
+            require_same_declaration(self.path, there, image, [scalar.name for scalar in self.scalars])
+            require_rows(self.path, keep, len(there.dimensions["time"]), "rows")
+            self.attributes = resumed_attributes(self.attributes, there)
+            if keep:
+                self._stored = {name: there[name][:keep].astype(was.dtype) for name, was in self._stored.items()}
+                self._last_time = float(self._stored["time"][-1])
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Add one row: time [s] and a value for every declared variable, in its units.
@@ -319,6 +254,10 @@ class RunWriter:
             if rows:  # buffered since the last write
                 self._stored[name] = np.concatenate([self._stored[name], np.stack(rows)])
                 rows.clear()
+        require_folder_still(self.path)
+        self._write()
+
+    def _write(self) -> None:
         write_atomically(self.path, self._fill)
         self._flushed = time.monotonic()
 

@@ -7,6 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 import taichi_lsm as lsm
+from tests.helpers.output_files import check_described
 from workflows import shear_gouge
 from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of
@@ -177,6 +178,8 @@ def test_the_files_tell_how_they_were_made(sheared, shape):
     assert grains.run_status == "complete"
     assert float(grains.time[-1]) == float(dataset.time[-1])
     assert {"run.nc", "grains.nc", "summary.json", "config.toml"} <= {p.name for p in folder.iterdir()}
+    for path in folder.rglob("*.nc"):
+        check_described(path)
 
 
 @pytest.mark.parametrize(("rows", "rate"), [(5, 40.0), (1, np.nan)])

@@ -1,5 +1,6 @@
 """One small file of every kind, for the tests of files."""
 
+import netCDF4
 import numpy as np
 
 import taichi_lsm as lsm
@@ -68,8 +69,8 @@ def grains(dim, count=5):
         "mass": rng.random(count),
         "inertia": rng.random(angular_velocity),
         "bounding_radius": rng.random(count),
-        "kind": np.array([0, 0, 1, 0, 1]),
-        "shape_index": [0, 1, 1, 0, 1],
+        "kind": np.resize([0, 0, 1, 0, 1], count),
+        "shape_index": np.resize([0, 1, 1, 0, 1], count),
         "shape_scale": rng.random(count),
         "patch_count": [1, 3],
         "patch_centre": rng.random((4, dim)),
@@ -87,9 +88,10 @@ def grains(dim, count=5):
     return static, snapshot
 
 
-def grains_writer(path, static, dim):
+def grains_writer(path, static, dim, **options):
     rows = [RUN[0], *snapshot_rows(dim)]
-    return GrainsWriter(path, static, static_rows(dim), rows, attributes(), text=STAGE, scalars=SCALARS)
+    options = {"text": STAGE, "scalars": SCALARS} | options
+    return GrainsWriter(path, static, static_rows(dim), rows, attributes(), **options)
 
 
 def table(path, **changes):
@@ -120,3 +122,17 @@ def write_every_kind(folder):
         writer.close("complete")
     table(folder / "compare.nc")
     return sorted(folder.glob("*.nc"))
+
+
+def check_described(path):
+    """Conventions are named, and every variable has a unit (but for texts) and a long_name, and no _FillValue."""
+    with netCDF4.Dataset(path) as dataset:
+        assert dataset.Conventions.startswith("CF-"), path
+        groups = [dataset]
+        for group in groups:
+            groups += group.groups.values()
+            for name, variable in group.variables.items():
+                assert variable.long_name, f"{path}: {name}"
+                is_text = variable.dtype is str or variable.dtype.char == "S"
+                assert is_text or variable.units, f"{path}: {name}"
+                assert "_FillValue" not in variable.ncattrs(), f"{path}: {name}"

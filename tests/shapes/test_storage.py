@@ -9,6 +9,7 @@ import xarray as xr
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
+from tests.helpers.output_files import check_described
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,7 @@ def test_shapes_come_back_from_a_file_bit_for_bit(tmp_path, angular):
         assert type(before) is type(after)
         assert_same(before, after)
     assert xr.open_dataset(path).attrs["title"] == "Grain shapes"
+    check_described(path)
     with netCDF4.Dataset(path, "a") as file:
         file["shape_2"].variables["radius"][3] = np.nan
     with pytest.raises(InputError, match=r"shapes.nc: shape_2: radius"):
