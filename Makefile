@@ -11,7 +11,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet -c constraints.txt
 DEMO_OUT := out/demo
 
-.PHONY: setup demo test validate bench bench-full lint clean
+.PHONY: setup demo test validate validate-crash bench bench-full lint clean
 
 setup: .venv/.installed
 
@@ -23,6 +23,9 @@ test: .venv/.installed-dev
 
 validate: .venv/.installed-dev
 	TI_ADVANCED_OPTIMIZATION=1 $(BIN)/python -m pytest -m validate
+
+validate-crash: .venv/.installed-dev
+	$(BIN)/python -m tests.crash.random_kills
 
 bench: .venv/.installed
 	$(BIN)/python -m benchmarks.all --install-lammps

@@ -44,9 +44,11 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .effects.gravity import Gravity as Gravity
     from .effects.linear_elastic import LinearElastic as LinearElastic
     from .effects.viscous_damping import ViscousDamping as ViscousDamping
-    from .io.checkpoint import restore_checkpoint as restore_checkpoint
-    from .io.checkpoint import save_checkpoint as save_checkpoint
+    from .io import checkpoints as checkpoints
+    from .io.checkpoint_file import restore_checkpoint as restore_checkpoint
+    from .io.checkpoint_file import save_checkpoint as save_checkpoint
     from .io.effect_table import read_effects as read_effects
+    from .io.folder_lock import locked as locked
     from .io.global_attributes import file_attributes as file_attributes
     from .io.layer_recorder import LayerRecorder as LayerRecorder
     from .io.netcdf_variables import Scalar as Scalar
@@ -81,7 +83,12 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
 
 __version__ = "0.1.0"
 
-_NAMESPACES = {"effects": "effects", "shapes": "shapes", "statistics": "measure.statistics"}
+_NAMESPACES = {
+    "effects": "effects",
+    "shapes": "shapes",
+    "statistics": "measure.statistics",
+    "checkpoints": "io.checkpoints",
+}
 _HOME = {
     "Scene": "scene",
     "Simulation": "simulation",
@@ -109,10 +116,11 @@ _HOME = {
     "rough_platen": "packing",
     "ShearedLayer": "measure.sheared_layer",
     "LayerRecorder": "io.layer_recorder",
+    "locked": "io.folder_lock",
     "runtime_profile": "measure.profiling",
     "runtime_profile_text": "measure.profiling",
-    "save_checkpoint": "io.checkpoint",
-    "restore_checkpoint": "io.checkpoint",
+    "save_checkpoint": "io.checkpoint_file",
+    "restore_checkpoint": "io.checkpoint_file",
     "contact_stiffness": "measure.contact_stiffness",
     "read_effects": "io.effect_table",
     "Scalar": "io.netcdf_variables",

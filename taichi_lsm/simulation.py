@@ -1,7 +1,7 @@
 """The simulation that runs a scene."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,8 @@ from .contact.surface_kinds import surface_table
 from .core.allocation import allocating, when_allocated, writing_together
 from .core.errors import InputError, SimulationError, step_count
 from .core.runtime import start
-from .io.checkpoint import save_checkpoint
+from .io.checkpoint_file import save_checkpoint
+from .io.checkpoints import keep_checkpoint
 from .io.contacts_dataset import contacts_dataset
 from .measure.contacts import ContactTable
 from .measure.sums import Measure
@@ -50,7 +51,7 @@ SHAPED_PAIRS = 1.4  # times as many for other shapes, whose bounding spheres ove
 MANY = 20_000  # grains; for more memory matters, for fewer a list that need not grow, as each growth compiles anew
 GROWTH = 1.5  # each larger storage of pairs compiles the kernels anew, so it should be rare
 NOT_COMPOSED: Any = None  # before the first `compose`; Any, so that attributes are typed as what they hold afterwards
-LAST_GOOD, STOPPED = "checkpoint.nc", "stopped.nc"
+STOPPED = "stopped.nc"
 SERIAL_LIMIT = 2000  # grains; below, two threads gain little over one
 
 
@@ -306,10 +307,20 @@ class Simulation:
     def keep_checkpoints(self, folder: str | Path, seconds: float = 60.0) -> None:
         """Keep the last good state in `folder`: checkpoint.nc, every so many seconds of wall clock if no guard objects.
 
-        A run that stops with an error leaves its state in stopped.nc; `restore_checkpoint` reads both.
+        The one before is kept beside it, see `checkpoints`. A run that stops with an error leaves its state in
+        stopped.nc. `restore_checkpoint` reads all of them.
         """
         self._folder, self._last_good = Path(folder), None
         self._keep_seconds, self._kept = seconds, time.monotonic()
+
+    def keep_checkpoint(self, run_state: Mapping[str, Any] | None = None) -> None:
+        """Keep the state now, with `run_state`, in the folder of `keep_checkpoints`, if no guard objects."""
+        if self._folder is None:
+            raise InputError("Simulation.keep_checkpoint: there is no folder, call keep_checkpoints before")
+        self.monitor.check_all()
+        with self.clock("output"):
+            self._last_good = keep_checkpoint(self, self._folder, run_state)
+        self._kept = time.monotonic()
 
     def run(self, steps: int) -> None:
         """Advance by a whole number of steps. Raises SimulationError naming the step, the grains and the cause."""
@@ -318,10 +329,7 @@ class Simulation:
             while self.step < target:
                 self._launch(target - self.step)
                 if self._folder is not None and time.monotonic() - self._kept >= self._keep_seconds:
-                    self.monitor.check_all()
-                    with self.clock("output"):
-                        save_checkpoint(self, self._folder / LAST_GOOD)
-                    self._kept, self._last_good = time.monotonic(), self._folder / LAST_GOOD
+                    self.keep_checkpoint()
         except SimulationError as error:
             self._save_stopped(error)
             raise
@@ -345,9 +353,15 @@ class Simulation:
 
     def _save_stopped(self, error: SimulationError) -> None:
         """Add to the error what was saved of the run."""
-        if self._folder is not None:
+        if self._folder is None:
+            return
+        good = [self._last_good] if self._last_good else []
+        try:
             save_checkpoint(self, self._folder / STOPPED)
-            error.saved = (self._folder / STOPPED, *([self._last_good] if self._last_good else []))
+            error.saved = (self._folder / STOPPED, *good)
+        except (SimulationError, InputError) as failure:  # the disk is full, or the folder gone
+            error.add_note(str(failure))
+            error.saved = tuple(good)
 
     def _energies_changed(self):
         if self.monitor:

@@ -26,7 +26,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
-from workflows.common.run_folder import begin_run
+from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import attributes_of
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.parameters import Shape, round_grains
@@ -287,7 +287,7 @@ def analyse(trials: Sequence[Trial]) -> dict[str, Metric]:
 
 
 def run(
-    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
     """Make all measurements; writes accuracy.nc, work_precision.png, tenfold.png, runs/ and summary.json to `out`.
 
@@ -297,7 +297,12 @@ def run(
     then, but for complete runs of layers, which are not repeated.
     """
     check(params)
-    out = begin_run(params, out, overwrite, keep_runs=True)
+    with run_folder(params, "accuracy-cost", out, existing, keep_runs=True) as folder:
+        return _run(params, folder, progress)
+
+
+def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset:
+    """The experiment in its folder."""
     watch = Stopwatch()
 
     def report(label, state):

@@ -21,7 +21,7 @@ from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.refusals import check_idle, derived
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import begin_run
+from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots import run_plots
@@ -84,6 +84,8 @@ class Params(shear_gouge.Params):
     replicas: int = Field(
         default=3, ge=1, le=1000, description="runs per shape, with the seeds seed, seed + 1, ... [1]"
     )
+    without_result: ClassVar[frozenset[str]] = shear_gouge.Params.without_result | {"at_a_time"}
+
     at_a_time: int = Field(default=2, ge=1, le=1024, description="runs at a time, each in a process of its own [1]")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -117,6 +119,10 @@ class Params(shear_gouge.Params):
         return self
 
 
+# Parameters that may change in a run that goes on.
+RESUMABLE = shear_gouge.RESUMABLE
+
+
 def check(params: Params) -> None:
     """Refuse parameters that are sure to fail for one of the shapes, as `shear_gouge.check` does.
 
@@ -147,23 +153,29 @@ def build(params: Params) -> dict[str, shear_gouge.Params]:
 
 
 def run(
-    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
     """Shear both shapes; writes compare.nc, friction.png, summary.json and runs/ to `out`.
 
     Returns compare.nc as a Dataset (dimension run). Runs that fail do not stop the others: the files are
     written with the results there are and the run_status "failed" before SimulationError is raised.
 
-    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
+    existing: what becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on.
+    Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    runs, out = build(params), begin_run(params, out, overwrite)
-    watch = Stopwatch()
+    with run_folder(params, "compare-shapes", out, existing, RESUMABLE) as folder:
+        return _run(params, folder, progress, existing == "resume")
+
+
+def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> xarray.Dataset:
+    """The experiment in its folder."""
+    runs, watch = build(params), Stopwatch()
     # Angular grains take longer: started first, they do not leave a processor idle at the end.
     jobs = [(label, shear_gouge.__name__, runs[label], out / "runs" / label) for label in reversed(runs)]
     failure, status = None, "complete"
     try:
-        run_replicas(jobs, params.at_a_time, progress)
+        run_replicas(jobs, params.at_a_time, progress, resume)
     except lsm.SimulationError as error:
         failure, status = error, "failed"
     except signals.Interrupted as stop:

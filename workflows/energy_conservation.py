@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -22,7 +23,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle, in_terms_of
-from workflows.common.run_folder import begin_run
+from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.energy_figure import plot_energy
@@ -344,16 +345,22 @@ def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
 
 
 def run(
-    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
     """Run everything; writes energy.nc, drift.nc, energy.png and summary.json, returns drift.nc as a Dataset.
 
     An interrupted run writes drift.nc of the schemes that are done, and energy.nc if that of the default scheme is.
 
-    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
+    existing: what becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on.
+    Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    out = begin_run(params, out, overwrite)
+    with run_folder(params, "energy-conservation", out, existing) as folder:
+        return _run(params, folder, progress)
+
+
+def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset:
+    """The experiment in its folder."""
     watch = Stopwatch()
     rows, series, stop = measure(params, progress)
     if stop and not rows:

@@ -11,6 +11,7 @@ import math
 import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
@@ -20,7 +21,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest
-from workflows.common.run_folder import begin_run
+from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.hard import Bench, cases_of, modules
@@ -171,16 +172,22 @@ def _outcome(row):
 
 
 def run(
-    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
     """Run the cases; writes hard_cases.nc, hard_cases.md, hard_cases.png and summary.json, returns hard_cases.nc.
 
     Raises SimulationError, when all is written, if a case failed.
 
-    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
+    existing: what becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on.
+    Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    out = begin_run(params, out, overwrite)
+    with run_folder(params, "hard-cases", out, existing) as folder:
+        return _run(params, folder, progress)
+
+
+def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset:
+    """The experiment in its folder."""
     watch = Stopwatch()
     rows = measure(params, progress)
     numbers = [

@@ -21,13 +21,15 @@ from workflows import shear_gouge
 from workflows.cli import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
+from workflows.common.parameter_files import CONFIG
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import checked
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import begin_run
+from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.roughness import plot_roughness
+from workflows.protocol.finished_parts import FinishedParts
 
 if TYPE_CHECKING:
     import shapely
@@ -186,7 +188,9 @@ def shear(params: Params, kind: str, elements: int, out: Path) -> dict[str, floa
     mobile = scene.platen_index < 0
     scene.shapes = [scene.shapes[0], *shapes]
     scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
-    dataset = shear_gouge.simulate(scene, of_run, out, None, overwrite=True)
+    # A layer that is there was begun by this experiment, before it was stopped.
+    existing = "resume" if (out / CONFIG).is_file() else "refuse"
+    dataset = shear_gouge.simulate(scene, of_run, out, None, existing=existing)
     metrics = shear_gouge.analyse(dataset, of_run)
     found = {name: number(metrics[name]) for name in FRICTION}
     return found | {"cost": 1.0 / rate_of(out)}
@@ -198,34 +202,41 @@ def rate_of(out: str | os.PathLike[str]) -> float:
     return np.nan if value is None else value
 
 
-def measure(params: Params, out: Path, progress: Progress | None = None) -> tuple[Rows, signals.Interrupted | None]:
+def measure(
+    params: Params, out: Path, parts: FinishedParts, progress: Progress | None = None
+) -> tuple[Rows, signals.Interrupted | None]:
     """Rows of the table, one per kind and number of elements, and the signal that came before all were measured.
 
     Layers run one after the other, as they are timed.
     """
     rows: Rows = []
     try:
-        _measure(params, out, rows, progress)
+        _measure(params, out, parts, rows, progress)
     except signals.Interrupted as stop:
         return rows, stop
     return rows, None
 
 
-def _measure(params: Params, out: Path, rows: Rows, progress: Progress | None) -> None:
+def _measure(params: Params, out: Path, parts: FinishedParts, rows: Rows, progress: Progress | None) -> None:
     """Add the rows one by one."""
     for kind in ("patches", "clump"):
         for elements in COUNTS:
+            label = f"{kind}-{elements}"
+            known = parts.get(label)
+            if known is not None:
+                rows.append(known)
+                continue
             if progress:
                 sheared = " and shearing a layer" if elements <= params.most_sheared else ""
-                progress({"label": f"{kind}-{elements}", "state": f"fitting outlines{sheared}"})
+                progress({"label": label, "state": f"fitting outlines{sheared}"})
             _, error, roughness = shapes_of(params, kind, elements)
             row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
             values = dict.fromkeys((*FRICTION, "cost"), np.nan)
             if elements <= params.most_sheared:
-                values = in_fresh_process(shear, params, kind, elements, out / "runs" / f"{kind}-{elements}")
-            rows.append(row | values)
+                values = in_fresh_process(shear, params, kind, elements, out / "runs" / label)
+            rows.append(parts.put(label, row | values))
             if progress:
-                progress({"label": f"{kind}-{elements}", "state": f"shape error {error:.2e}"})
+                progress({"label": label, "state": f"shape error {error:.2e}"})
 
 
 def analyse(rows: Rows) -> dict[str, Metric]:
@@ -257,18 +268,25 @@ def analyse(rows: Rows) -> dict[str, Metric]:
 
 
 def run(
-    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
     """Make all measurements; writes roughness.nc, roughness.png, runs/ and summary.json; returns roughness.nc.
 
     An interrupted run writes roughness.nc of what is measured.
 
-    Raises InputError for a folder that is not empty, unless `overwrite`: what former runs left there is removed then.
+    existing: what becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on.
+    Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    out = begin_run(params, out, overwrite)
+    with run_folder(params, "shape-roughness", out, existing) as folder:
+        return _run(params, folder, progress, existing == "resume")
+
+
+def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> xarray.Dataset:
+    """The experiment in its folder."""
     watch = Stopwatch()
-    rows, stop = measure(params, out, progress)
+    parts = FinishedParts(out, resume)
+    rows, stop = measure(params, out, parts, progress)
     if stop and not rows:
         raise stop
     dt = min((lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc")), default=np.nan)
@@ -290,6 +308,7 @@ def run(
     plot_roughness(out / f"roughness.{params.format}", rows, *example_outlines(params))
     metrics |= watch.metrics()
     write_summary(out, "shape-roughness", params.preset_name, metrics, quiet=progress is None)
+    parts.clear()
     return table
 
 

@@ -11,28 +11,38 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
-from workflows.common.parameters import to_toml
+from workflows.common.parameter_files import CONFIG
+from workflows.common.parameters import merge, to_toml
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import begin_run, check_folder
+from workflows.common.run_folder import Existing, check_folder, check_unchanged, is_complete, run_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
 from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_metrics import BOUNDS, REMEDIES, analyse
-from workflows.gouge.layer_scene import build, effects_of
+from workflows.gouge.layer_scene import build, effects_of, shear_drive
+from workflows.gouge.layer_schedule import SHEAR, layer_schedule
 from workflows.gouge.parameters import Params
-from workflows.gouge.stages import consolidate, shear
 from workflows.gouge.target_runs import run_to_target, runs_of
 from workflows.plots import run_plots
+from workflows.protocol.conditions import LOADED
+from workflows.protocol.resume import Start, start_of
+from workflows.protocol.run_loop import RunLoop
+from workflows.protocol.schedule import Stage
 
 if TYPE_CHECKING:
     import xarray
 
 __all__ = ["BOUNDS", "REMEDIES", "Params", "analyse", "build", "check", "effects_of", "estimate", "run", "simulate"]
+
+NAME = "shear-gouge"
+RESUMABLE = frozenset({"strain", "steady_from"})  # parameters that may change in a run that goes on
 
 
 def check(params: Params) -> None:
@@ -57,26 +67,35 @@ def estimate(params: Params) -> RunCost:
 
 
 def run(
-    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, overwrite: bool = False
+    params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
     """Run the experiment; writes run.nc, grains.nc, run.png and summary.json to `out`, returns run.nc.
 
     With a target error it makes as many runs as that needs, in `out`/runs, and returns target.nc.
 
+    Parameters
+    ----------
+    params, out, progress
+        Of the run; its folder; takes reports.
+    existing
+        What becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on, to the same bits
+        as if it had not been stopped. Of its parameters only RESUMABLE may differ then.
+
     Raises
     ------
     InputError
-        Before anything is computed, if the parameters give no layer, or if the folder is not empty. With `overwrite`
-        what former runs left in it is removed.
+        Before anything is computed, if the parameters give no layer, or the folder or the run in it do not suit.
     SimulationError
         If the run has to be stopped; the files written so far are kept.
     """
     check(params)
     if params.target_error is not None:
-        return run_to_target(params, out, progress, __name__, analyse, overwrite)
-    check_folder(out, overwrite)
+        return run_to_target(params, out, progress, __name__, analyse, existing)
+    check_folder(out, existing)
+    if existing == "resume":
+        _check_longer(params, Path(out))
     watch = Stopwatch()
-    return simulate(build(params, progress), params, out, progress, watch, overwrite)
+    return simulate(build(params, progress), params, out, progress, watch, existing)
 
 
 def simulate(
@@ -85,24 +104,42 @@ def simulate(
     out: str | os.PathLike[str],
     progress: Progress | None = None,
     watch: Stopwatch | None = None,
-    overwrite: bool = False,
+    existing: Existing = "refuse",
 ) -> xarray.Dataset:
     """As `run`, for a scene that may have been changed after `build`; its times begin with `watch`, or here."""
-    out = begin_run(params, out, overwrite)
-    watch = watch or Stopwatch()
+    with run_folder(params, NAME, out, existing, RESUMABLE) as folder:
+        return _simulate(scene, params, folder, progress, watch or Stopwatch(), existing == "resume")
+
+
+def _check_longer(params: Params, out: Path) -> None:
+    """Refuse to make a complete run longer that has kept no checkpoint."""
+    check_unchanged(params, out, RESUMABLE)
+    reached = merge(Params, None, out / CONFIG).strain
+    if params.strain > reached and is_complete(out) and not lsm.checkpoints.has_checkpoint(out):
+        raise lsm.InputError(
+            f"--strain {params.strain:g}: the run in {out} is complete at {reached:g} and has kept no checkpoint from "
+            "which to go on; begin a new one, with --keep-checkpoint if it may have to be made longer"
+        )
+
+
+def _simulate(
+    scene: lsm.Scene, params: Params, out: Path, progress: Progress | None, watch: Stopwatch, resume: bool
+) -> xarray.Dataset:
+    """The run in its folder."""
     if progress:
         progress({"stage": "compiling"})
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
     layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
-    progress_from: list[tuple[float, int, float]] = []
-
-    def report(row: dict[str, Any]) -> None:
+    sim.keep_checkpoints(out, seconds=np.inf)  # by the run loop, which knows when
+    schedule = layer_schedule(params, sim.dt, layer.thickness)
+    start = Start()
+    if resume and lsm.checkpoints.has_checkpoint(out):
+        start, damage = start_of(layer, schedule, out, watch)
         if progress:
-            progress_from.append((time.perf_counter(), sim.step, row["shear_strain"]))
-            progress(_progress(row, params, layer, progress_from[0], progress_from[-1]))
-
+            before = f" before the last one, as {damage}" if damage else ""
+            progress({"state": f"resuming from the checkpoint{before}, at step {sim.step}"})
     try:
-        rate = _record(sim, layer, out, params, report, progress)
+        loop = _record(layer, schedule, out, params, progress, watch, start)
     except lsm.SimulationError as error:
         run_plots.plot_stopped(out, error, params.format)
         raise
@@ -110,22 +147,27 @@ def simulate(
         print(lsm.runtime_profile_text(sim))
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
+    rate = loop.grain_steps_per_second
     metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: one row")
     run_plots.plot_run(out, params.format)
     metrics |= watch.metrics()
-    write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
+    write_summary(out, NAME, params.preset_name, metrics, quiet=progress is None)
+    if not params.keep_checkpoint:
+        lsm.checkpoints.remove_checkpoints(out)
     return dataset
 
 
 def _record(
-    sim: lsm.Simulation,
     layer: lsm.ShearedLayer,
+    schedule: list[Stage],
     out: Path,
     params: Params,
-    report: Progress,
     progress: Progress | None,
-) -> float:
-    """All stages of the run, with their files; returns grain steps per second of the shear."""
+    watch: Stopwatch,
+    start: Start,
+) -> RunLoop:
+    """All stages of the run, with their files; returns the loop, which is at its end."""
+    sim = layer.sim
     scene = sim.scene
     title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
     pulled = isinstance(sim.platens.drives[1][0], lsm.SpringLoadPoint)
@@ -133,13 +175,40 @@ def _record(
     summary = f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared {drive}."
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene
-    with lsm.LayerRecorder(out, layer, title, summary, to_toml(params), params.seed, scalars) as recorder:
-        recorder.row(0)
-        recorder.snapshot()
-        consolidate(sim, layer, recorder, params, progress)
-        recorder.snapshot()
-        recorder.run.flush()
-        return shear(sim, layer, recorder, params, report)
+    first: list[tuple[float, int, float]] = []
+
+    def report(stage: Stage, row: dict[str, Any]) -> None:
+        if not progress:
+            return
+        if stage.name != SHEAR:
+            loaded = abs(row["platen_normal_stress"] / params.normal_stress - 1.0) < LOADED
+            height = {"height": layer.thickness, "height_goal": params.layer[0]}
+            stress = {"normal_stress": row["platen_normal_stress"]}
+            progress({"stage": "settling" if loaded else "consolidating", **height, **stress})
+            return
+        now = time.perf_counter(), sim.step, row["shear_strain"]
+        first.append(now)
+        progress(_progress(row, params, layer, first[0], now))
+
+    def set_velocity(velocity: float) -> None:
+        platens: Any = sim.platens  # the attributes depend on the class of the drive
+        platens.set("top", 0, shear_drive(params, velocity, platens.drives[1][1].inertia))
+
+    with lsm.LayerRecorder(
+        out, layer, title, summary, to_toml(params, NAME), params.seed, scalars, start.keep
+    ) as recorder:
+        loop = RunLoop(
+            layer,
+            recorder,
+            schedule,
+            set_velocity,
+            report,
+            watch,
+            start.position,
+            checkpoint_seconds=params.checkpoint_seconds,
+        )
+        loop.run()
+    return loop
 
 
 def _progress(

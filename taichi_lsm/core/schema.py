@@ -6,8 +6,8 @@ A table of the state is a list of rows (`Variable`), declared once beside the cl
 - Allocation: `core.fields.allocate` makes one Taichi field per row. The first name of `dims` is the element index, the
   lengths of the others multiply to the size of the vector kept per element, and `dtype` gives its number type.
 - NetCDF: `io` writes a variable of the row's name with the row's dimensions, `units` and `long_name`.
-- Checkpoint: `io.checkpoint` saves the rows marked `restart`, and no others, as they lie in memory. A continued run
-  gives the same bits, so a row that changes from step to step and cannot be derived from others must be marked.
+- Checkpoint: `io.checkpoint_file` saves the rows marked `restart`, and no others, as they lie in memory. A run that
+  goes on gives the same bits, so a row that changes from step to step and cannot be derived from others must be marked.
 
 A quantity that is not in a row does not exist for files; a row that a scene does not need is not declared, and then
 takes no memory.

@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..core.errors import SimulationError
-from ..measure.sheared_layer import STAGES, Row, ShearedLayer, layer_rows
+from ..core.schema import Variable
+from ..measure.layer_rows import layer_rows
+from ..measure.sheared_layer import Row, ShearedLayer
 from .grains_file import STATIC_DIMS, GrainsWriter, snapshot_rows, static_rows
 from .netcdf_variables import Scalar
 from .run_file import RunWriter, file_attributes
@@ -20,15 +22,16 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 
-STAGE = {"stage": f"stage of the run: {', '.join(STAGES)}"}
+STAGE = {"stage": "stage of the run"}
+STAGE_INDEX = Variable("stage_index", ("time",), "i32", "1", "place of the stage in the schedule from 1 on; 0 before")
 (STRAIN,) = (row for row in layer_rows() if row.name == "shear_strain")
 
 
 class LayerRecorder:
     """Writes what a `ShearedLayer` measures. Use as a context manager: an exception leaves a file that says so.
 
-    A long run leaves its last good state in checkpoint.nc; one that a guard stops also its state at the stop, in
-    stopped.nc and as the last snapshot of grains.nc (`Simulation.keep_checkpoints`).
+    A run that a guard stops leaves its state at the stop in stopped.nc and as the last snapshot of grains.nc
+    (`Simulation.keep_checkpoints`).
 
     Parameters
     ----------
@@ -44,6 +47,14 @@ class LayerRecorder:
         Random seed of the packing.
     scalars
         What tells the run from others, such as its name and parameters: scalar coordinates of both files.
+    keep
+        Rows of run.nc and snapshots of grains.nc in the folder, written by a run that was stopped, which this run goes
+        on from; None: a new run.
+
+    Attributes
+    ----------
+    rows, snapshots
+        Number of them in the files.
     """
 
     def __init__(
@@ -55,24 +66,27 @@ class LayerRecorder:
         config_toml: str,
         seed: int,
         scalars: Sequence[Scalar] = (),
+        keep: tuple[int, int] | None = None,
     ) -> None:
         sim = layer.sim
         self.layer, self.sim = layer, sim
         runtime = sim.runtime
         attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
-        self._stage = STAGES[0]
+        self.begin_stage("", 0)
         scalars = [*scalars, Scalar("stiffness_number", layer.stiffness_number, "stiffness number of the contacts")]
         out = Path(out)
-        sim.keep_checkpoints(out)
+        self.rows, self.snapshots = keep or (0, 0)
+        kept_rows, kept_snapshots = keep or (None, None)
         self.run = RunWriter(
             out / "run.nc",
-            layer_rows(sim.spec.bonds > 0),
+            [*layer_rows(sim.spec.bonds > 0), STAGE_INDEX],
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),
             text=STAGE,
             scalars=scalars,
             effects=sim.scene.effects,
+            keep=kept_rows,
         )
         dim, spec, bonded = sim.scene.dim, sim.spec, sim.spec.bonds > 0
         self.grains = GrainsWriter(
@@ -84,24 +98,31 @@ class LayerRecorder:
             text=STAGE,
             # A variable of the name of a dimension would be its coordinate.
             scalars=[replace(s, name=f"grain_{s.name}") if s.name in STATIC_DIMS else s for s in scalars],
+            keep=kept_snapshots,
         )
 
-    def row(self, stage: int) -> Row:
-        """Append a row to run.nc and return it; `stage` is an index of STAGES."""
-        row, self._stage = self.layer.row(stage), STAGES[stage]
+    def begin_stage(self, name: str, index: int) -> None:
+        """Name the stage of the rows and snapshots that follow; index: its place in the schedule from 1 on."""
+        self._stage = {"stage": name, "stage_index": index}
+
+    def row(self) -> Row:
+        """Append a row to run.nc and return it."""
+        row = self.layer.row() | self._stage
         with self.sim.clock("output"):
             self.run.append(row)
+        self.rows += 1
         return row
 
     def snapshot(self) -> None:
         """Append all grains to grains.nc."""
         with self.sim.clock("output"):
             self._snapshot(self.sim.time)
+        self.snapshots += 1
 
     def _snapshot(self, time: float) -> None:
         state, scene = self.sim.state, self.sim.scene
         arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
-        arrays |= {"shear_strain": self.layer.strain, "stage": self._stage}
+        arrays |= {"shear_strain": self.layer.strain, "stage": self._stage["stage"]}
         if self.sim.spec.rotates:
             angular_velocity = state.angular_velocity.to_numpy()
             arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity
@@ -120,17 +141,33 @@ class LayerRecorder:
         if np.isfinite(self.sim.state.position.to_numpy()).all():
             self._snapshot(self.sim.time + self.sim.dt * (self.sim.time <= self.grains.last_time))
 
+    def flush(self) -> None:
+        """Write all rows and snapshots to disk."""
+        with self.sim.clock("output"):
+            self.run.flush()
+
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is not None and issubclass(kind, SimulationError):
-            self._snapshot_of_stop()
         status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
-        self.run.close(status)
-        self.grains.close(status)
+        # Each of these whatever becomes of the others; grains.nc is closed first, as that needs no space on the disk.
+        last = [lambda: self.grains.close(status), lambda: self.run.close(status)]
+        if kind is not None and issubclass(kind, SimulationError):
+            last.insert(0, self._snapshot_of_stop)
+        failures = []
+        for write in last:
+            try:
+                write()
+            except SimulationError as failure:
+                failures.append(failure)
+        if error is not None:  # what ended the run is what is told
+            for failure in failures:
+                error.add_note(str(failure))
+        elif failures:
+            raise failures[0]
 
 
 def _quaternions(orientation: npt.NDArray) -> npt.NDArray:

@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from ..bonds.fragments import fragments
 from ..core.errors import InputError, SimulationError
-from ..core.schema import Variable
 from .contact_stiffness import contact_stiffness
 from .energy_budget import energies
+from .layer_memory import LayerMemory
 
 if TYPE_CHECKING:
     from ..boundaries.platens import Platens
@@ -23,73 +23,6 @@ MARGIN = 3.0  # diameters kept from the platens where bulk stress is measured
 DEEP = 0.9  # share of its limit at which an overlap is warned of
 LOST_BALANCE = 0.1  # share of the work that the energy residual may reach before a run is stopped
 SETTLED = 10.0  # the balance is judged once the work is this many times the elastic energy
-STAGES = ("generate", "consolidate", "shear")
-
-
-def series(name: str, units: str, long_name: str, dtype: str = "f64", dims: tuple[str, ...] = ("time",)) -> Variable:
-    """Schema row of a time series."""
-    return Variable(name, dims, dtype, units, long_name)
-
-
-def layer_rows(bonded: bool = False) -> list[Variable]:
-    """Schema rows of run.nc; `bonded`: of a scene with bonds."""
-    return [
-        series(
-            "shear_strain",
-            "1",
-            "shear strain, integral of plate velocity over layer thickness since shear began",
-        ),
-        series("displacement", "m", "shear displacement of the top platen against the bottom platen"),
-        series("friction", "1", "shear stress over normal stress in the bulk of the layer"),
-        series("shear_stress", "Pa", "shear stress in the bulk, at least 3 diameters from the platens"),
-        series("normal_stress", "Pa", "normal stress in the bulk, compression positive"),
-        series(
-            "platen_shear_stress",
-            "Pa",
-            "shear stress on the top platen, mean over all steps since the last row",
-        ),
-        series(
-            "platen_normal_stress",
-            "Pa",
-            "normal stress on the top platen, mean over all steps since the last row",
-        ),
-        series(
-            "platen_normal_rms",
-            "Pa",
-            "root mean square deviation of the normal stress on the platen from its target",
-        ),
-        series("layer_thickness", "m", "distance between the reference planes of the platens"),
-        series("porosity", "1", "share of the layer not filled by mobile grains"),
-        series("plate_velocity", "m s-1", "velocity of the top platen against the bottom platen along the shear"),
-        series(
-            "load_point_velocity", "m s-1", "velocity imposed on the load point, or on the platen if no spring pulls it"
-        ),
-        series("translational_energy", "J", "kinetic energy of translation, platens included"),
-        series("rotational_energy", "J", "kinetic energy of rotation"),
-        series("elastic_energy", "J", "energy stored in the contacts"),
-        series("dissipated_energy", "J", "energy dissipated since the start, by effect", dims=("time", "effect")),
-        series("external_work", "J", "work of the drives since the start"),
-        series(
-            "energy_residual",
-            "J",
-            "external work less changes of kinetic and elastic energy less dissipation",
-        ),
-        series(
-            "work_throughput",
-            "J",
-            "integral of the absolute power of shear and of normal load since shear began",
-        ),
-        series("contact_count", "1", "contacts with at least one mobile grain"),
-        series("coordination_number", "1", "mean number of contacts of a mobile grain"),
-        series("sliding_fraction", "1", "share of the contacts that slide"),
-        series("deepest_overlap", "1", "greatest overlap over its limit"),
-        series("inertial_number", "1", "shear rate times diameter times sqrt(density over stress), as measured"),
-    ] + [
-        series("bond_count", "1", "bonds that have not broken", dtype="i32"),
-        series(
-            "fragment_count", "1", "mobile grains that no intact bond joins, or groups that bonds join", dtype="i32"
-        ),
-    ] * bonded
 
 
 class ShearedLayer:
@@ -115,8 +48,9 @@ class ShearedLayer:
     Notes
     -----
     Bulk stresses are taken at least 3 d from the platens (a third of a thin layer), with the kinetic part relative to a
-    linear velocity profile. Shear strain is the sum over samples of the displacement increment over the thickness at
-    that instant. The inertial number is I = (v/h) d sqrt(rho/P), v/h the measured shear rate.
+    linear velocity profile. Shear strain is the sum over samples of dD/h, of the increment of the displacement and the
+    mean thickness of that time: sliding may be as uneven as it likes. The inertial number is I = (v/h) d sqrt(rho/P),
+    v/h the mean shear rate since the last row.
     """
 
     def __init__(self, sim: "Simulation", target_stress: float, diameter: float) -> None:
@@ -138,20 +72,25 @@ class ShearedLayer:
         radius = scene.per_grain("bounding_radius")
         inner = [scene.position[:, 1] + radius, scene.position[:, 1] - radius]
         self.plane = [float(inner[p][scene.platen_index == p].mean()) for p in (0, 1)]
-        self.strain = self.throughput = 0.0
-        self._sums: list[dict[str, Any]] = []
-        self._last_sample_time = sim.time
-        self._mark_step = sim.step
-        self._mark = platens.snapshot()
-        self._elastic = 0.0
-        self._balance0: float | None = None
+        now = platens.snapshot()
+        bottom, top = self._planes(now)
+        self.memory = LayerMemory(
+            time=sim.time,
+            displacement=shear_displacement(now),
+            thickness=top - bottom,
+            works=works_of(now),
+            row_step=sim.step,
+            row_platens=now,
+        )
         self.sample()
-        self.residual_mark, self._work_mark = self.residual, self._works()
+        self.memory.first_residual = self.memory.residual
 
-    def _works(self) -> npt.NDArray:
-        """Work of the shear drive and of the normal drive since the start [J]."""
-        work = self._platens["work"].sum(axis=0)
-        return np.array([work.sum() - work[1], work[1]])
+    def _planes(self, platens: Mapping[str, npt.NDArray]) -> tuple[float, float]:
+        """Heights of the reference planes of the bottom and of the top platen [m]."""
+        bottom, top = (self.plane[p] + float(platens["displacement"][p, 1]) for p in (0, 1))
+        if not top > bottom:
+            raise SimulationError(f"step {self.sim.step}: the layer's thickness is {top - bottom:g} m, the platens met")
+        return bottom, top
 
     def sample(self) -> None:
         """Measure the state now and add it to the present row."""
@@ -159,43 +98,65 @@ class ShearedLayer:
             self._sample()
 
     def _sample(self) -> None:
-        sim = self.sim
-        self._platens = platens = self.platens.snapshot()
-        bottom, top = (self.plane[p] + platens["displacement"][p, 1] for p in (0, 1))
-        self.thickness = thickness = top - bottom
-        if not thickness > 0:
-            raise SimulationError(f"step {sim.step}: the layer's thickness is {thickness:g} m, the platens have met")
-        velocity = platens["velocity"]
+        sim, memory = self.sim, self.memory
+        memory.platens = platens = self.platens.snapshot()
+        bottom, top = self._planes(platens)
+        thickness, velocity = top - bottom, platens["velocity"]
         # Stress in the slab between the margins, its kinetic part relative to a linear profile between the platens.
         margin = min(MARGIN * self.diameter, thickness / 3)
-        shear_velocity = velocity[1, 0] - velocity[0, 0]
+        shear_velocity = float(velocity[1, 0] - velocity[0, 0])
         gradient = shear_velocity / thickness
         volume = self.area * (thickness - 2 * margin)
         at_low = velocity[0, 0] + gradient * margin
         sums = sim.measure.sums(bottom + margin, top - margin, volume, at_low, gradient)
         if sums["deepest"] > DEEP:
             warnings.warn(f"step {sim.step}: an overlap is {sums['deepest']:.2f} of its limit", stacklevel=2)
-        self.strain += gradient * (sim.time - self._last_sample_time)
-        self._last_sample_time = sim.time
+        # Strain by what the platens moved since the last sample, however unevenly, over the thickness of that time.
+        moved = shear_displacement(platens) - memory.displacement
+        memory.strain += moved / (0.5 * (memory.thickness + thickness))
+        memory.slip += moved
+        memory.displacement, memory.thickness = shear_displacement(platens), thickness
         # The budget: what is stored and dissipated now less the work done, against the same at the start.
         now = energies(sim, sums, platens)
         sums["translational_energy"] = now.kinetic - sums["rotational_energy"]
         lost = [sums[f"dissipated_{e.name}"] for e in sim.forces.channels] + [float(platens["dissipated"].sum())]
-        self._balance0 = now.balance if self._balance0 is None else self._balance0
-        self.residual = self._balance0 - now.balance
-        self._sums.append(
+        memory.first_balance = now.balance if memory.first_balance is None else memory.first_balance
+        memory.residual = memory.first_balance - now.balance
+        memory.samples.append(
             sums | {"lost": lost, "work": now.work, "thickness": thickness, "shear_velocity": shear_velocity}
         )
 
     def begin_shear(self) -> None:
-        """Count strain and the energy residual from here: the end of consolidation."""
-        self.strain = self.throughput = 0.0
-        self.residual_mark = self.residual
-        self._work_mark = self._works()
+        """Count strain, slip and the energy residual from here: the end of consolidation."""
+        memory = self.memory
+        memory.strain = memory.slip = memory.throughput = 0.0
+        memory.first_residual = memory.residual
+        memory.works = works_of(memory.platens)
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Go on from what `memory.as_plain()` gave, once the simulation is in the state of that time."""
+        self.memory = LayerMemory.from_plain(memory)
+
+    @property
+    def strain(self) -> float:
+        """Shear strain since shear began [1], up to the last sample."""
+        return self.memory.strain
+
+    @property
+    def slip(self) -> float:
+        """Displacement of the top platen against the bottom one along the shear since shear began [m]."""
+        return self.memory.slip
+
+    @property
+    def thickness(self) -> float:
+        """Distance between the reference planes of the platens [m] at the last sample."""
+        return self.memory.thickness
 
     def residual_fraction(self) -> float:
         """Absolute energy residual since shear began over the work throughput since then [1]; nan before any work."""
-        return abs(self.residual - self.residual_mark) / self.throughput if self.throughput > 0 else float("nan")
+        memory = self.memory
+        changed = abs(memory.residual - memory.first_residual)
+        return changed / memory.throughput if memory.throughput > 0 else float("nan")
 
     @property
     def stiffness_number(self) -> float:
@@ -207,8 +168,8 @@ class ShearedLayer:
         width = scene.thickness if scene.dim == 2 else self.diameter
         return contact_stiffness(scene.effects, self.target, width) / (self.target * width)
 
-    def row(self, stage: int) -> Row:
-        """The row of run.nc for the time since the last one; `stage` is an index of STAGES.
+    def row(self) -> Row:
+        """The row of run.nc for the time since the last one, but for its stage.
 
         Raises
         ------
@@ -217,9 +178,10 @@ class ShearedLayer:
         SimulationError
             If the energy balance is lost.
         """
-        if not self._sums:
+        memory = self.memory
+        if not memory.samples:
             raise InputError("ShearedLayer.row: no sample since the last row, call sample() before")
-        sim, now, samples = self.sim, self._platens, self._sums
+        sim, now, samples = self.sim, memory.platens, memory.samples
         last = samples[-1]
 
         def mean(name: str) -> float:
@@ -227,16 +189,17 @@ class ShearedLayer:
 
         stress = np.mean([s["stress"] for s in samples], axis=0)
         contact, off_target = self._platen_stress(now)
-        works = self._works()
-        self.throughput += float(np.abs(works - self._work_mark).sum())
-        self._work_mark = works
+        works = works_of(now)
+        memory.throughput += float(np.abs(works - memory.works).sum())
+        memory.works = works
         contacts, normal = mean("contact_count"), float(stress[1, 1])
-        rate = last["shear_velocity"] / last["thickness"]
+        velocity = self._mean_velocity()
+        rate = velocity / mean("thickness")
         driven = self.platens.load_velocity(now["velocity"])
         row = {
             "time": sim.time,
-            "shear_strain": self.strain,
-            "displacement": float(now["displacement"][1, 0] - now["displacement"][0, 0]),
+            "shear_strain": memory.strain,
+            "displacement": memory.displacement,
             "friction": -float(stress[0, 1]) / normal if normal > 0 else float("nan"),
             "shear_stress": -float(stress[0, 1]),
             "normal_stress": normal,
@@ -245,50 +208,68 @@ class ShearedLayer:
             "platen_normal_rms": off_target,
             "layer_thickness": mean("thickness"),
             "porosity": 1.0 - self.solid_volume / (self.area * mean("thickness")),
-            "plate_velocity": last["shear_velocity"],
+            "plate_velocity": velocity,
+            "instantaneous_plate_velocity": last["shear_velocity"],
             "load_point_velocity": float(driven[1, 0] - driven[0, 0]),
             "translational_energy": last["translational_energy"],
             "rotational_energy": last["rotational_energy"],
             "elastic_energy": last["elastic_energy"],
             "dissipated_energy": last["lost"],
             "external_work": last["work"],
-            "energy_residual": self.residual,
-            "work_throughput": self.throughput,
+            "energy_residual": memory.residual,
+            "work_throughput": memory.throughput,
             "contact_count": contacts,
             "coordination_number": mean("contact_ends") / max(1, int(self.mobile.sum())),
             "sliding_fraction": mean("sliding_count") / contacts if contacts else 0.0,
             "deepest_overlap": max(s["deepest"] for s in samples),
             "inertial_number": abs(rate) * self.diameter * np.sqrt(sim.scene.density / self.target),
-            "stage": STAGES[stage],
         }
         if sim.bonds:
             row["bond_count"] = int(last["bond_count"])
             row["fragment_count"] = len(np.unique(fragments(sim)[self.mobile]))
-        self._elastic = last["elastic_energy"]
+        memory.elastic, memory.time = last["elastic_energy"], sim.time
+        memory.row_step, memory.row_platens = sim.step, now
         samples.clear()
         self._check_balance()
         return row
+
+    def _mean_velocity(self) -> float:
+        """Velocity of the platens against each other along the shear since the last row [m s-1]; at no time, now."""
+        memory, elapsed = self.memory, self.sim.time - self.memory.time
+        moved = memory.displacement - shear_displacement(memory.row_platens)
+        return moved / elapsed if elapsed > 0 else memory.samples[-1]["shear_velocity"]
 
     def _platen_stress(self, now: Mapping[Any, npt.NDArray]) -> tuple[npt.NDArray, float]:
         """Stress (dim,) on the top platen and root mean square of its normal component off the target [Pa].
 
         Both over every step since the last row, from sums that the platens add up in each step.
         """
-        steps = max(1, self.sim.step - self._mark_step)
-        contact = (now["force_sum"] - self._mark["force_sum"])[1] / steps / self.area
-        square = (now["force_square_sum"] - self._mark["force_square_sum"])[1, 1] / steps
+        steps, before = max(1, self.sim.step - self.memory.row_step), self.memory.row_platens
+        contact = (now["force_sum"] - before["force_sum"])[1] / steps / self.area
+        square = (now["force_square_sum"] - before["force_square_sum"])[1, 1] / steps
         mean_square = square / self.area**2
         off_target = mean_square - 2 * self.target * contact[1] + self.target**2  # mean of (stress - target)^2
-        self._mark_step, self._mark = self.sim.step, now
         return contact, float(np.sqrt(max(0.0, off_target)))
 
     def _check_balance(self) -> None:
-        settled = self.throughput > SETTLED * self._elastic
+        memory = self.memory
+        settled = memory.throughput > SETTLED * memory.elastic
         if settled and self.residual_fraction() > LOST_BALANCE:
             raise SimulationError(
-                f"step {self.sim.step}: energy balance lost, residual {self.residual:g} J is "
+                f"step {self.sim.step}: energy balance lost, residual {memory.residual:g} J is "
                 f"{100 * self.residual_fraction():.0f} % of the work done; use a smaller step"
             )
+
+
+def shear_displacement(platens: Mapping[str, npt.NDArray]) -> float:
+    """Displacement of the top platen against the bottom one along the shear [m], of a snapshot of the platens."""
+    return float(platens["displacement"][1, 0] - platens["displacement"][0, 0])
+
+
+def works_of(platens: Mapping[str, npt.NDArray]) -> npt.NDArray:
+    """Work of the shear drive and of the normal drive since the start [J], of a snapshot of the platens."""
+    work = platens["work"].sum(axis=0)
+    return np.array([work.sum() - work[1], work[1]])
 
 
 def two_platens(sim: "Simulation") -> "Platens":

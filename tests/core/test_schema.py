@@ -8,7 +8,7 @@ from taichi_lsm.contact import arc_chains, cone_patches, part_table, polyhedron_
 from taichi_lsm.contact.pair_storage import pair_variables
 from taichi_lsm.core.errors import InputError
 from taichi_lsm.core.schema import DTYPES, Variable
-from taichi_lsm.measure.sheared_layer import layer_rows
+from taichi_lsm.measure.layer_rows import layer_rows
 from taichi_lsm.stepping.grain_state import grain_variables
 from taichi_lsm.stepping.kernel_spec import KernelSpec
 

@@ -40,9 +40,9 @@ def test_the_module_and_its_functions_are_documented(module):
 
 def test_run_takes_parameters_a_folder_a_progress_and_whether_it_may_overwrite(module):
     signature = inspect.signature(module.run)
-    assert list(signature.parameters) == ["params", "out", "progress", "overwrite"]
+    assert list(signature.parameters) == ["params", "out", "progress", "existing"]
     assert signature.parameters["progress"].default is None
-    assert signature.parameters["overwrite"].default is False
+    assert signature.parameters["existing"].default == "refuse"
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_run_removes_what_former_runs_left_if_it_may_overwrite(module, tmp_path,
     for name in ("config.toml", "stopped.nc", "run.pdf", "notes.txt"):
         (tmp_path / name).write_text("old")
     with pytest.raises(TypeError):
-        module.run(merge(module.Params, "smoke"), tmp_path, overwrite=True)
+        module.run(merge(module.Params, "smoke"), tmp_path, existing="overwrite")
     assert {path.name for path in tmp_path.iterdir()} == {"config.toml", "notes.txt"}
     assert tomllib.loads((tmp_path / "config.toml").read_text())
 
@@ -64,7 +64,7 @@ def test_run_removes_what_former_runs_left_if_it_may_overwrite(module, tmp_path,
 def test_run_refuses_a_folder_that_is_not_empty(module, tmp_path, begins_only):
     """Before anything is made: Python users lose no results by repeating a line."""
     (tmp_path / "run.nc").write_text("results")
-    with pytest.raises(InputError, match=rf"^out {tmp_path}: is not empty, .* unless overwrite=True is given\.$"):
+    with pytest.raises(InputError, match=rf"^out {tmp_path}: is not empty, .* unless existing='overwrite' is given\.$"):
         module.run(merge(module.Params, "smoke"), tmp_path)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["results"]
 

@@ -24,6 +24,7 @@ from workflows.common.parameter_types import choices, kind, members
 from workflows.common.parameters import ParameterError, merge, option_name
 from workflows.gouge import target_runs
 from workflows.plots import run_plots
+from workflows.protocol.run_loop import RunLoop
 
 pytestmark = pytest.mark.usefixtures("few_shapes")
 
@@ -84,8 +85,17 @@ class Simulation:
         self.speed = drive.velocity
 
     def run(self, steps):
-        self.log.append(steps)
         self.step += steps
+
+    def keep_checkpoints(self, folder, seconds):
+        pass
+
+    def keep_checkpoint(self, state):
+        pass
+
+    @property
+    def time(self):
+        return self.step * self.dt
 
 
 class Layer:
@@ -94,11 +104,13 @@ class Layer:
     def __init__(self, sim, stress, diameter):
         sim.log += [stress, diameter]
         self.sim, self.stress, self.thickness, self.strain, self.before = sim, stress, 8.0 * diameter, 0.0, 0
+        self.slip, self.memory = 0.0, SimpleNamespace(as_plain=dict)
 
     def begin_shear(self):
         self.strain = 0.0
 
     def sample(self):
+        self.sim.log.append(self.sim.step)
         self.strain += self.sim.speed * self.sim.dt * (self.sim.step - self.before) / self.thickness
         self.before = self.sim.step
 
@@ -111,7 +123,8 @@ class Recorder:
 
     def __init__(self, out, layer, title, *others):
         layer.sim.log.append(title)
-        self.layer, self.run = layer, SimpleNamespace(flush=lambda: None)
+        self.layer, self.rows, self.snapshots = layer, 0, 0
+        self.grains = SimpleNamespace(last_time=-1.0)
 
     def __enter__(self):
         return self
@@ -119,13 +132,27 @@ class Recorder:
     def __exit__(self, *error):
         return None
 
-    def row(self, stage):
-        self.layer.sim.log.append(("row", stage))
+    def begin_stage(self, name, index):
+        self.layer.sim.log.append((name, index))
+
+    def flush(self):
+        pass
+
+    def row(self):
+        self.layer.sim.log.append("row")
         of_row = {"friction": 0.3, "shear_strain": self.layer.strain}
         return of_row | {"platen_normal_stress": self.layer.stress}
 
     def snapshot(self):
         self.layer.sim.log.append("snapshot")
+
+
+class Loop(RunLoop):
+    """Writes down how often checkpoints are wanted."""
+
+    def __init__(self, layer, *others, checkpoint_seconds):
+        super().__init__(layer, *others, checkpoint_seconds=checkpoint_seconds)
+        layer.sim.log.append(checkpoint_seconds)
 
 
 def series():
@@ -149,7 +176,7 @@ def observed(monkeypatch, tmp_path):
     """observed(module, params): all that the experiment does, as a text."""
     log = []
 
-    def jobs_of(jobs, at_a_time, progress=None):
+    def jobs_of(jobs, at_a_time, progress, resume):
         for label, _, of_run, _ in jobs:
             idle = of_run.idle()
             log.append((label, {k: v for k, v in of_run.model_dump().items() if k not in idle}))
@@ -164,6 +191,8 @@ def observed(monkeypatch, tmp_path):
     monkeypatch.setattr(lsm, "Simulation", simulation)
     monkeypatch.setattr(lsm, "ShearedLayer", Layer)
     monkeypatch.setattr(lsm, "LayerRecorder", Recorder)
+    monkeypatch.setattr(lsm.checkpoints, "remove_checkpoints", lambda out: log.append("removed"))
+    monkeypatch.setattr(shear_gouge, "RunLoop", Loop)
     monkeypatch.setattr(lsm, "open_run", lambda path: series())
     monkeypatch.setattr(lsm, "runtime_profile_text", lambda sim: log.append("profile") or "")
     monkeypatch.setattr(run_plots, "plot_run", lambda out, form: log.append(form))
@@ -179,7 +208,7 @@ def observed(monkeypatch, tmp_path):
     def observe(module, params):
         log.clear()
         with contextlib.suppress(Stop):
-            module.run(params, tmp_path, overwrite=True)
+            module.run(params, tmp_path, existing="overwrite")
         return repr(log)
 
     return observe

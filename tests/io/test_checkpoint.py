@@ -1,6 +1,7 @@
 """A restored simulation goes on as if it had never stopped, bit for bit; foreign and broken files are refused."""
 
 import hashlib
+from contextlib import contextmanager
 
 import netCDF4
 import numpy as np
@@ -8,10 +9,19 @@ import pytest
 
 import taichi_lsm as lsm
 from taichi_lsm.contact.pair_storage import HAS_IMPULSE
+from taichi_lsm.io.checkpoint_file import DamagedCheckpointError, content_digest
 from tests.helpers import scenes
 from tests.helpers.output_files import table
 
 STEPS = 400
+
+
+@contextmanager
+def altered(path):
+    """A checkpoint that is changed, and gets the digest of what it then holds."""
+    with netCDF4.Dataset(path, "a") as file:
+        yield file
+        file.digest = content_digest(file)
 
 
 def layer():
@@ -125,17 +135,42 @@ def test_missing_truncated_and_foreign_files_are_refused(saved, tmp_path):
     broken.write_bytes(b"no file of numbers")
     check_refused(saved, broken, "cannot be read")
     table(tmp_path / "compare.nc")
-    check_refused(saved, tmp_path / "compare.nc", "format missing, must be a whole file that save_checkpoint wrote")
+    check_refused(saved, tmp_path / "compare.nc", "is not of format 4, must be a whole file that save_checkpoint wrote")
+
+
+def test_a_file_of_which_a_number_changed_is_refused(saved, tmp_path):
+    """One byte of a position, of an attribute and of the run's own state."""
+    whole, copy = saved[2].read_bytes(), tmp_path / "copy.nc"
+    for change in (
+        lambda file: file["grains"]["position"].__setitem__((0, 0), 1e-9),
+        lambda file: file.setncattr("step", np.int64(7)),
+        lambda file: file.setncattr("run_state", '{"rows": 4}'),
+    ):
+        copy.write_bytes(whole)
+        with netCDF4.Dataset(copy, "a") as file:
+            change(file)
+        check_refused(saved, copy, "is damaged, its digest differs")
+        with pytest.raises(DamagedCheckpointError):
+            lsm.restore_checkpoint(saved[0], copy)
+
+
+def test_what_a_run_saves_beside_its_grains_comes_back_to_the_last_bit(saved, tmp_path):
+    state = {"rows": 3, "strain": 0.1 + 0.2, "names": ["shear"], "nothing": None, "left": float("nan")}
+    lsm.save_checkpoint(saved[0], tmp_path / "run.nc", state)
+    found = lsm.restore_checkpoint(saved[0], tmp_path / "run.nc")
+    assert found.pop("left") != state.pop("left") and found == state
+    with netCDF4.Dataset(tmp_path / "run.nc") as file:
+        assert file.Conventions == "CF-1.11, ACDD-1.3"
 
 
 def test_checkpoints_that_lack_a_table_or_a_number_are_refused(saved, tmp_path):
     copy = tmp_path / "copy.nc"
     copy.write_bytes(saved[2].read_bytes())
-    with netCDF4.Dataset(copy, "a") as file:
+    with altered(copy) as file:
         file["pairs"].renameVariable("status", "gone")
     check_refused(saved, copy, "cannot be read .*status")
     copy.write_bytes(saved[2].read_bytes())
-    with netCDF4.Dataset(copy, "a") as file:
+    with altered(copy) as file:
         file.delncattr("rebuilds")
     check_refused(saved, copy, "rebuilds missing")
 
@@ -146,7 +181,7 @@ def test_files_whose_values_do_not_fit_leave_the_simulation_alone(saved, tmp_pat
 
     def changed(**attributes):
         copy.write_bytes(saved[2].read_bytes())
-        with netCDF4.Dataset(copy, "a") as file:
+        with altered(copy) as file:
             file.setncatts(attributes)
 
     changed(dt=-1.0)
@@ -156,16 +191,18 @@ def test_files_whose_values_do_not_fit_leave_the_simulation_alone(saved, tmp_pat
     changed(step=1.5)
     check_refused(saved, copy, "step is .*1.5.*, must be a whole number >= 0")
     changed()
-    with netCDF4.Dataset(copy, "a") as file:
+    with altered(copy) as file:
         file["list"]["row_start"][-1] = 2**30
     check_refused(saved, copy, "row_start ends at 1073741824, must be 0")
     changed()
-    with netCDF4.Dataset(copy, "a") as file:
+    with altered(copy) as file:
         pairs = file["pairs"]
         row = pairs["status"]
         pairs.renameVariable("status", "gone")
         pairs.createDimension("other", 7)
-        pairs.createVariable("status", row.dtype, ("other",))[:] = np.zeros(7)
+        other = pairs.createVariable("status", row.dtype, ("other",))
+        other.units, other.long_name = row.units, row.long_name
+        other[:] = np.zeros(7)
     check_refused(saved, copy, r"status has shape \(7,\), must be \(1,\)")
 
 
@@ -218,7 +255,7 @@ def check_drives_are_read_with_care(sim, whole):
     copy, before = whole.with_name("copy.nc"), digest(sim)
     for change in ('"Fixed"', '"velocity": -0.5', '"stress": 100.0', "[["):
         copy.write_bytes(whole.read_bytes())
-        with netCDF4.Dataset(copy, "a") as file:
+        with altered(copy) as file:
             assert change in file.drives
             file.drives = file.drives.replace(change, '"velocity": "fast"', 1)
         with pytest.raises(lsm.InputError, match=r"copy\.nc: drives cannot be read"):

@@ -1,12 +1,13 @@
 """A small sheared layer of angular grains: what ShearedLayer reports against forces, counts and areas taken apart."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.measure.sheared_layer import layer_rows
+from taichi_lsm.measure.layer_rows import layer_rows
 from tests.helpers import scenes
 from tests.helpers.supports import support_of_arcs
 
@@ -46,14 +47,14 @@ def consolidated(runtime):
         )
     )
     layer = lsm.ShearedLayer(sim, STRESS, 0.75)
-    layer.row(0)
+    layer.row()
     for _ in range(70):
         sim.run(500)
         layer.sample()
-    layer.row(1)
+    layer.row()
     sim.run(500)
     layer.sample()
-    return sim, layer, layer.row(1)
+    return sim, layer, layer.row()
 
 
 def test_stress_in_the_bulk_is_the_stress_on_the_platen(consolidated):
@@ -132,30 +133,80 @@ def test_shear_closes_its_energy_budget(consolidated):
         for _ in range(10):
             sim.run(200)
             layer.sample()
-        row = layer.row(2)
+        row = layer.row()
     now = sim.platens.snapshot()
     path = now["displacement"][1, 0] - start["displacement"][1, 0]
     assert path == pytest.approx(velocity * (sim.time - began), rel=0.05)  # but for the ramp
     assert row["shear_strain"] == pytest.approx(path / row["layer_thickness"], rel=0.1)
     assert row["shear_strain"] > 0.1
-    assert row["plate_velocity"] == velocity
-    assert row["inertial_number"] == pytest.approx(velocity / layer.thickness * 0.75, rel=1e-6)  # sqrt(rho/P) = 1
+    assert row["plate_velocity"] == pytest.approx(velocity, rel=1e-9)
+    assert row["instantaneous_plate_velocity"] == velocity
+    assert row["inertial_number"] == pytest.approx(
+        velocity / row["layer_thickness"] * 0.75, rel=1e-6
+    )  # sqrt(rho/P) = 1
     assert 0.1 < row["friction"] < 1.0
     assert row["friction"] == pytest.approx(row["shear_stress"] / row["normal_stress"], rel=1e-12)
     assert 0 < row["sliding_fraction"] < 0.6
     work = np.abs(row["external_work"] - before["external_work"])
-    assert layer.throughput >= 0.9 * work > 0
+    assert layer.memory.throughput >= 0.9 * work > 0
     assert layer.residual_fraction() < 2e-3
     lost = np.array(row["dissipated_energy"]) - np.array(before["dissipated_energy"])
     assert dict(zip(layer.effects, lost))["coulomb_friction"] > 0.3 * work
-    assert {v.name for v in layer_rows()} == set(row) - {"time", "stage"}
+    assert {v.name for v in layer_rows()} == set(row) - {"time"}
+
+
+def height(layer):
+    """Thickness of the layer now [m]."""
+    apart = layer.platens.snapshot()["displacement"][:, 1] + layer.plane
+    return apart[1] - apart[0]
+
+
+@pytest.mark.parametrize(("moving", "resting"), [(500, 2), (2, 500)])
+def test_strain_is_right_however_unevenly_the_platens_slide(consolidated, moving, resting):
+    """Ten times some steps at a velocity and some at rest, sampled at rest, where the velocity is zero."""
+    sim, layer, _ = consolidated
+    sim.platens.set("top", 0, lsm.ConstantVelocity(0.0))
+    sim.run(5000)  # or the thickness would still change between two samples
+    layer.sample()
+    layer.row()
+    strain, slip, time, expected = layer.strain, layer.slip, sim.time, 0.0
+    for _ in range(10):
+        thickness = []
+        for velocity, steps in ((0.2, moving), (0.0, resting)):
+            sim.platens.set("top", 0, lsm.ConstantVelocity(velocity))
+            thickness.append(height(layer))
+            sim.run(steps)
+        expected += 0.2 * moving * sim.dt / np.mean(thickness)  # as the motion begins and as it ends
+        layer.sample()
+    path, row = 10 * 0.2 * moving * sim.dt, layer.row()
+    assert layer.slip - slip == pytest.approx(path, rel=1e-9)
+    assert layer.strain - strain == pytest.approx(expected, rel=1e-3)
+    assert row["plate_velocity"] == pytest.approx(path / (sim.time - time), rel=1e-9)
+    assert row["instantaneous_plate_velocity"] == 0.0
+
+
+def test_a_layer_goes_on_from_its_memory_to_the_last_bit(consolidated):
+    sim, layer, _ = consolidated
+    layer.sample()
+    saved = json.loads(json.dumps(layer.memory.as_plain()))
+    other = lsm.ShearedLayer(sim, STRESS, 0.75)
+    other.memory = type(layer.memory).from_plain(saved)
+    sim.run(100)
+    layer.sample()
+    other.sample()
+    assert json.dumps(other.memory.as_plain()) == json.dumps(layer.memory.as_plain())
+    mine, theirs = layer.row(), other.row()
+    assert all(np.array_equal(mine[name], theirs[name]) for name in mine)
+    del saved["works"]
+    with pytest.raises(lsm.InputError, match="memory of the layer"):
+        type(layer.memory).from_plain(saved)
 
 
 def test_platens_that_meet_stop_the_run(consolidated):
     sim, layer, _ = consolidated
     layer.plane[1] -= 100.0
     try:
-        with pytest.raises(lsm.SimulationError, match="the platens have met"):
+        with pytest.raises(lsm.SimulationError, match="the platens met"):
             layer.sample()
     finally:
         layer.plane[1] += 100.0
@@ -174,7 +225,7 @@ def test_what_makes_no_sense_is_refused(consolidated, reference_packing):
     with pytest.raises(lsm.InputError, match=r"Scene\.track_dissipation is False"):
         lsm.ShearedLayer(silent, STRESS, 0.75)
     with pytest.raises(lsm.InputError, match=r"no sample since the last row"):
-        layer.row(1)
+        layer.row()
 
 
 def test_stress_over_everything_is_a_number(reference_packing):

@@ -85,7 +85,8 @@ def test_both_step_loops_give_the_same_bits(runtime, make):
         found.append(everything(sim))
     one, other = found
     assert set(one) == set(other)
-    assert [name for name in one if not np.array_equal(one[name], other[name])] == []
+    # The stress of grains that no cell encloses is not a number.
+    assert [name for name in one if not np.array_equal(one[name], other[name], equal_nan=name == "stress")] == []
     assert one["contact_count"] > 3 and np.abs(one["position"] - sim.scene.position).max() > 0.1
     for work in ("platen_work", "wall_work", "shear_work"):
         assert work not in one or np.any(one[work] != 0.0), work

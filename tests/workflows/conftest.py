@@ -57,7 +57,7 @@ class Params(BaseParams):
         return self
 
 
-def run(params, out, progress=None, overwrite=False):
+def run(params, out, progress=None, existing="refuse"):
     out = Path(out)
     if params.act == "reject":
         raise InputError("grains 600: do not fit")

@@ -16,7 +16,7 @@ import workflows
 from workflows.common.parameters import Params
 
 PLUGINS = "LSM_PLUGINS"
-RUN_TAKES = ("params", "out", "progress", "overwrite")
+RUN_TAKES = ("params", "out", "progress", "existing")
 HERE = Path(__file__).parents[1]
 
 

@@ -27,6 +27,7 @@ from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.progress import ProgressLine
+from workflows.cli.resume import resume
 from workflows.common.former_names import renamed
 from workflows.common.metrics import FILE, failed_claims, read_summary
 from workflows.common.parallel_runs import reason_of
@@ -34,7 +35,7 @@ from workflows.common.parameter_types import allowed, choices_in_words, kind, li
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import machine_memory, objections
-from workflows.common.run_folder import check_folder
+from workflows.common.run_folder import Existing, check_folder
 
 COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -164,7 +165,31 @@ def build_app(found: dict[str, ModuleType]) -> App:
         except inspect_run.NoRunError as error:
             return _complain([str(error)])
 
+    def resume_run(
+        folder: Annotated[Path, Parameter(name="DIR", help="folder of a run that was stopped, or of a complete one")],
+        /,
+        *options: Annotated[
+            str,
+            Parameter(
+                name="OPTIONS",
+                help="options of its experiment that may change in a run that goes on, such as --strain or --threads",
+                allow_leading_hyphen=True,
+            ),
+        ],
+    ) -> int:
+        """Go on with the run in a folder, to the same bits as if it had not been stopped.
+
+        A complete run can be made longer if it was begun with --keep-checkpoint: lsm resume DIR --strain 10.
+        """
+        try:
+            return resume(app, found, folder, options, execute)
+        except CycloptsError as error:
+            return _complain([_parse_problem(error)])
+        except InputError as error:
+            return _complain(_problems_of(error))
+
     app.command(list_names, name="list", group=others_group)
+    app.command(resume_run, name="resume", group=others_group)
     app.command(info, name="info", group=others_group)
     return app
 
@@ -265,10 +290,12 @@ def execute(
     strict: bool = False,
     overwrite: bool = False,
     yes: bool = False,
+    existing: Existing = "refuse",
 ) -> int:
     """Check everything, run a workflow, and name the claims that its summary does not meet; returns the exit code."""
     folder = Path("out") / name if out is None else Path(out)
-    problems, params = refusals(folder, overwrite), None
+    existing = "overwrite" if overwrite else existing
+    problems, params = refusals(folder, existing), None
     check, estimate = (getattr(module, hook, None) for hook in ("check", "estimate"))
     cost = None
     try:
@@ -296,7 +323,7 @@ def execute(
     earlier = _written_at(folder / FILE)
     with ProgressLine(quiet) as progress:
         try:
-            module.run(params, out=folder, progress=None if quiet else progress, overwrite=overwrite)
+            module.run(params, out=folder, progress=None if quiet else progress, existing=existing)
         except InputError as error:
             _remove_empty(made)
             return _complain(_problems_of(error))
@@ -335,10 +362,10 @@ def _problems_of(error: InputError) -> list[str]:
     return error.problems if isinstance(error, ParameterError) else [str(error)]
 
 
-def refusals(folder: Path, overwrite: bool) -> list[str]:
+def refusals(folder: Path, existing: Existing) -> list[str]:
     """Reasons why the folder cannot be written to; [] if it can."""
     try:
-        check_folder(folder, overwrite, "--out", "--overwrite")
+        check_folder(folder, existing, "--out", "--overwrite")
     except InputError as error:
         return [str(error)]
     return []

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
 
 # A terminal signals a whole process group and a parent passes the signal on as well: the same request
 # arrives twice within milliseconds, and must not interrupt the flush that the first one started.
@@ -47,3 +52,52 @@ def restore(previous: dict) -> None:
     """Undo `install`."""
     for signum, handler in previous.items():
         signal.signal(signum, handler)
+
+
+@dataclass
+class Pending:
+    """A signal that waits.
+
+    Attributes
+    ----------
+    signum
+        Its number, None before one came.
+    previous
+        The handlers that it waits for.
+    """
+
+    signum: int | None = None
+    previous: dict[int, Any] = field(default_factory=dict)
+
+    def deliver(self) -> None:
+        """Hand the signal to the handler that it was held back from: in `lsm` that raises Interrupted."""
+        restore(self.previous)
+        signum, self.signum = self.signum, None
+        if signum is not None:
+            signal.raise_signal(signum)
+
+
+@contextmanager
+def held() -> Iterator[Pending]:
+    """Hold SIGTERM and SIGINT back inside, so that a run can end where its state is whole: it asks `Pending.signum`.
+
+    A second signal, not of the same request, is delivered at once; one that still waits at the end, there. Outside the
+    main thread signals cannot be held back.
+    """
+    pending, first = Pending(), 0.0
+
+    def note(signum, frame):
+        nonlocal first
+        now = time.monotonic()
+        if pending.signum is None:
+            pending.signum, first = int(signum), now
+        elif now - first >= SAME_REQUEST_S:
+            pending.deliver()
+
+    if threading.current_thread() is threading.main_thread():
+        pending.previous = {signum: signal.signal(signum, note) for signum in HANDLED}
+    try:
+        yield pending
+    finally:
+        restore(pending.previous)
+    pending.deliver()

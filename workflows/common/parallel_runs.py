@@ -29,6 +29,8 @@ from typing import Any, ParamSpec, TypeVar
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import discovery, signals
 from workflows.cli.progress import as_dict
+from workflows.common.parameter_files import CONFIG
+from workflows.common.run_folder import is_done
 
 SEND_EVERY_S = 0.2
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -64,7 +66,9 @@ class _Running:
     refused: bool = False
 
 
-def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | None = None) -> list[Path]:
+def run_replicas(
+    jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | None = None, resume: bool = False
+) -> list[Path]:
     """Run every job, `at_a_time` of them at once; returns the folders of the runs, in the order of the jobs.
 
     A failing run does not stop the others.
@@ -73,12 +77,14 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | N
     ----------
     jobs
         (label, module_name, params, out_dir) each; the process calls module.run(params, out=..., progress=...,
-        overwrite=True): the folders belong to the experiment that makes the runs.
+        existing=...): the folders belong to the experiment that makes the runs.
     at_a_time
         Number of processes at once.
     progress
         Receives each child's reports as a dict, with its label and, at the start and end, its state
         (started | done | failed); None is silent, and so are the children.
+    resume
+        Runs that are complete are not repeated, and those that were begun go on; else all begin anew.
 
     Raises
     ------
@@ -95,13 +101,14 @@ def run_replicas(jobs: Sequence[Job], at_a_time: int = 2, progress: Progress | N
     if len(set(labels)) < len(labels) or at_a_time < 1:
         raise ValueError(f"run_replicas: labels {labels} must differ, at_a_time {at_a_time} must be >= 1")
     show = progress or (lambda report: None)
-    waiting, running, failures, refused = deque(jobs), [], {}, set()
+    waiting = deque(job for job in jobs if not (resume and is_done(Path(job[3]), job[2])))
+    running, failures, refused = [], {}, set()
     with tempfile.TemporaryDirectory(prefix="lsm-") as logs:
         try:
             while waiting or running:
                 while waiting and len(running) < at_a_time:
                     job = waiting.popleft()
-                    _start(job, Path(logs) / f"{len(waiting)}.log", progress is not None, running)
+                    _start(job, Path(logs) / f"{len(waiting)}.log", progress is not None, resume, running)
                     show({"label": job[0], "state": "started"})
                 running = _attend(running, show, failures, refused)
         except BaseException as error:
@@ -152,13 +159,14 @@ def in_fresh_process(function: Callable[P, T], *arguments: P.args, **options: P.
         return pool.submit(function, *arguments, **options).result()
 
 
-def _start(job: Job, log: Path, reports: bool, running: list[_Running]) -> None:
+def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Running]) -> None:
     """Start the process of a job and add it to `running`."""
     label, module_name, params, out = job
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     # Pickled here, and read by the child only once it can import a plugin's Params.
-    payload = pickle.dumps((module_name, params, str(out), reports))
+    existing = "resume" if resume and (Path(out) / CONFIG).is_file() else "overwrite"
+    payload = pickle.dumps((module_name, params, str(out), reports, existing))
     process = context.Process(target=_child, args=(label, payload, sender, str(log)), name=f"lsm {label}", daemon=True)
     resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again
     # The child inherits both: numpy reads the limits when it is imported, and a signal that arrives before
@@ -273,10 +281,10 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, signals.HANDLED)
         discovery.load_path()
-        module_name, params, out, reports = pickle.loads(payload)
+        module_name, params, out, reports, existing = pickle.loads(payload)
         Path(out).mkdir(parents=True, exist_ok=True)
         module = importlib.import_module(module_name)
-        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None, overwrite=True)
+        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None, existing=existing)
         code = 0
     except signals.Interrupted as interrupted:
         code = 128 + interrupted.signum

@@ -20,7 +20,7 @@ RENAMED = {  # parameters whose names are those of measured variables
 
 
 def parameter_coordinates(params: Params, without: tuple[str, ...] = ()) -> list[lsm.Scalar]:
-    """A scalar for each parameter that an option can give, but for those `without`.
+    """A scalar for each parameter that an option can give and that acts on results, but for those `without`.
 
     Numbers are nan, and texts "none", where a parameter is none or has no effect; equal fields have equal types in all
     runs.
@@ -28,7 +28,7 @@ def parameter_coordinates(params: Params, without: tuple[str, ...] = ()) -> list
     idle, values = params.idle(), params.resolved()
     scalars = []
     for name, field in type(params).model_fields.items():
-        if name in without or kind(field.annotation) == "toml":
+        if name in without or name in params.without_result or kind(field.annotation) == "toml":
             continue
         long_name, unit = " ".join((field.description or name).split()), "1"
         if found := re.search(r" \[([^\[\]]+)\]$", long_name):

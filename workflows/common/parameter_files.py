@@ -1,7 +1,7 @@
-"""A TOML file of parameters, for one experiment or for several.
+"""A file of parameters, for one experiment or for several: TOML, or a NetCDF file of a run, which holds its own.
 
 Keys at the top of the file are for the experiment that is run; a table named after an experiment, `[shear-gouge]`, is
-for that one alone.
+for that one alone. Two keys are of the file itself: the `experiment` that it was written for, and its `preset`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,10 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from taichi_lsm.core.errors import InputError
 from workflows.common.parameter_problems import as_written, nearest
+
+CONFIG = "config.toml"  # what every run writes first, and its folder is known by
 
 
 class OfFile(NamedTuple):
@@ -25,12 +28,15 @@ class OfFile(NamedTuple):
         Whether the file was written for another experiment as well.
     notes
         What was not taken and why, one line each.
+    preset
+        The preset that it names for this experiment, or None.
     """
 
     top: dict[str, Any]
     own: dict[str, Any]
     shared: bool
     notes: tuple[str, ...]
+    preset: str | None = None
 
 
 def read_for(
@@ -50,7 +56,13 @@ def read_for(
         Takes a message for each mistake: a file that cannot be read, a table of no experiment.
     """
     top, own, tables, foreign = {}, {}, [], []
-    for key, value in _read(path, problems).items():
+    content = _read(path, problems)
+    written_for, preset = (content.pop(key, None) if key not in fields else None for key in ("experiment", "preset"))
+    for key, value in (("experiment", written_for), ("preset", preset)):
+        if not isinstance(value, str | None):
+            problems.append(f"{key} = {as_written(value)} ({path}): must be a text.")
+    other = written_for is not None and experiment != "" and written_for != experiment
+    for key, value in content.items():
         if key in fields:
             top[key] = value
         elif key == experiment or key in others:
@@ -72,7 +84,28 @@ def read_for(
             top[key] = value
     notes = [*_foreign_notes(path, experiment, foreign, others)]
     notes += [f"{path}: the table [{name}] was not taken: it is for that experiment" for name in tables]
-    return OfFile(top, own, bool(tables or foreign), tuple(notes))
+    of_this = isinstance(preset, str) and not other
+    return OfFile(top, own, bool(tables or foreign or other), tuple(notes), preset if of_this else None)
+
+
+def experiment_of(folder: Path) -> str:
+    """Name of the experiment that was run in a folder.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no run, or one of a version that did not say.
+    """
+    config = folder / CONFIG
+    if not config.is_file():
+        raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run")
+    problems: list[str] = []
+    name = _read(config, problems).get("experiment")
+    if problems or not isinstance(name, str):
+        raise InputError(
+            problems[0] if problems else f"{config}: names no experiment, must be of a run of this version"
+        )
+    return name
 
 
 def _foreign_notes(
@@ -103,7 +136,9 @@ def listed(words: Iterable[str]) -> str:
 def _read(path: Path, problems: list[str]) -> dict[str, Any]:
     """The content of a TOML file; {} and a message in `problems` if it cannot be read."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(_config_text(path) if path.suffix == ".nc" else path.read_text(encoding="utf-8"))
+    except InputError as error:
+        problems.append(f"--config {error}.")
     except FileNotFoundError:
         others = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
         problems.append(f"--config {path}: there is no such file.{nearest(path.name, others)}")
@@ -116,3 +151,15 @@ def _read(path: Path, problems: list[str]) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         problems.append(f"--config {path}: is not valid TOML: {error}.")
     return {}
+
+
+def _config_text(path: Path) -> str:
+    """The parameters that a NetCDF file of a run holds as its attribute config_toml."""
+    import taichi_lsm as lsm
+
+    text = lsm.open_run(path).attrs.get("config_toml")
+    if not isinstance(text, str):
+        raise InputError(
+            f"{path}: has no attribute config_toml, must be a TOML file or a file of a run, such as run.nc"
+        )
+    return text

@@ -44,6 +44,9 @@ class Params(pydantic.BaseModel):
 
     presets: ClassVar[dict[str, dict]] = {"smoke": {}, "demo": {}, "standard": {}, "reference": {}}
 
+    # Fields that change no result: they may differ in a run that goes on, and tell no run from another.
+    without_result: ClassVar[frozenset[str]] = frozenset({"threads", "format"})
+
     seed: int = Field(default=1, ge=0, le=2**31 - 1, description="seed of every random number")
     precision: Literal["f64", "f32"] = Field(default="f64", description="floating-point type of contacts and forces")
     arch: Literal["cpu", "gpu"] = Field(default="cpu", description="device that the kernels run on")
@@ -116,9 +119,10 @@ def merge(
     params_class
         Of the workflow.
     preset
-        A key of `params_class.presets`; None is "standard".
+        A key of `params_class.presets`; None is that of the file, or "standard".
     toml_path
-        A TOML file, or None: keys at its top, and a table named after the experiment, which wins.
+        A TOML file, or None: keys at its top, and a table named after the experiment, which wins. Or a NetCDF file of a
+        run, which holds the parameters of that run.
     options
         Field name -> value; a string is parsed, for a list at its commas.
     experiment, others
@@ -132,10 +136,11 @@ def merge(
         With every mistake of all three sources.
     """
     problems: list[str] = []
-    name = DEFAULT_PRESET if preset is None else preset
-    layers, of_file = {f"preset {name}": _preset(params_class, name, problems)}, OfFile({}, {}, False, ())
+    of_file = OfFile({}, {}, False, ())
     if toml_path is not None:
         of_file = read_for(Path(toml_path), experiment, params_class.model_fields, others or {}, problems)
+    name = preset or of_file.preset or DEFAULT_PRESET
+    layers = {f"preset {name}": _preset(params_class, name, problems)}
     layers |= {str(toml_path): of_file.top, f"{toml_path}, [{experiment}]": of_file.own}
     layers["option"] = _options(params_class, options or {})
     values, sources = _overlaid(params_class, layers, problems)

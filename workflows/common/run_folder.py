@@ -1,19 +1,30 @@
-"""The folder that a run writes: refused if it holds anything, or cleared of what a former run has left in it."""
+"""The folder that a run writes: new, cleared of what a former run has left in it, or that of a run that goes on."""
 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+import re
+import shutil
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Literal
 
+import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameters import Params
+from workflows.common.parameter_files import CONFIG
+from workflows.common.parameters import ParameterError, Params, merge, option_name
 from workflows.common.toml_writer import to_toml
 
-CONFIG = "config.toml"  # what every run writes first, and its folder is known by
-TEXTS = (CONFIG, "summary.json", "summary.json.partial", "friction_errors.json", "hard_cases.md")
+# What becomes of what a folder holds: it is refused if it is not empty, what former runs left is removed, or their run
+# goes on.
+Existing = Literal["refuse", "overwrite", "resume"]
+SUMMARY = "summary.json"  # what every run writes last
+LEFT_BY_KILLS = re.compile(r"\.lock|\..*\.part")  # files of a process that was killed, which hold nothing
+PARTS = "parts"  # folder of the results of parts of an experiment, until it is complete
+TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md")
 TABLES = (
-    *("run", "grains", "checkpoint", "stopped"),
+    *("run", "grains", "checkpoint", "checkpoint.previous", "stopped"),
     *("target", "compare", "energy", "drift", "roughness", "accuracy", "hard_cases"),
 )
 PICTURES = ("run", "stopped", "friction", "energy", "roughness", "work_precision", "tenfold", "hard_cases")
@@ -27,13 +38,13 @@ WRITTEN = {
 
 
 def check_folder(
-    out: str | os.PathLike[str], overwrite: bool, name: str = "out", permission: str = "overwrite=True"
+    out: str | os.PathLike[str], existing: Existing, name: str = "out", permission: str = "existing='overwrite'"
 ) -> None:
-    """Refuse a folder that cannot be written, or that holds anything and may not be overwritten.
+    """Refuse a folder that cannot be written, or that holds anything unless that is overwritten or gone on with.
 
     Parameters
     ----------
-    out, overwrite
+    out, existing
         As `run` of an experiment takes them.
     name, permission
         What the user calls the folder, and how one allows to write over what it holds; for the message.
@@ -45,18 +56,18 @@ def check_folder(
     """
     folder = Path(out)
     try:
-        problem = _problem(folder, overwrite, permission)
+        problem = _problem(folder, existing, permission)
     except OSError as error:  # such as a name that is too long
         problem = f"cannot be used: {error.strerror}"
     if problem:
         raise InputError(f"{name} {folder}: {problem}.")
 
 
-def _problem(folder: Path, overwrite: bool, permission: str) -> str | None:
+def _problem(folder: Path, existing: Existing, permission: str) -> str | None:
     if folder.is_dir():
         if not os.access(folder, os.W_OK | os.X_OK):
             return "may not be written to"
-        if any(folder.iterdir()) and not overwrite:
+        if existing == "refuse" and any(not LEFT_BY_KILLS.fullmatch(path.name) for path in folder.iterdir()):
             return f"is not empty, must be new or empty unless {permission} is given"
         return None
     if folder.exists():
@@ -67,35 +78,95 @@ def _problem(folder: Path, overwrite: bool, permission: str) -> str | None:
     return None if os.access(above, os.W_OK | os.X_OK) else f"{above} may not be written to"
 
 
-def begin_run(params: Params, out: str | os.PathLike[str], overwrite: bool = False, keep_runs: bool = False) -> Path:
-    """Make the folder of a run and write config.toml to it; returns its path.
+@contextmanager
+def run_folder(
+    params: Params,
+    experiment: str,
+    out: str | os.PathLike[str],
+    existing: Existing = "refuse",
+    changeable: Collection[str] = (),
+    keep_runs: bool = False,
+) -> Iterator[Path]:
+    """The folder of a run during the run: made, locked against others, with config.toml in it.
 
     Parameters
     ----------
-    params
+    params, experiment
         Of the run.
     out
-        The folder, new or empty.
-    overwrite
-        It may hold something: what runs write is removed, other files stay.
+        The folder.
+    existing
+        Whether it must be new or empty; or what runs have written there is removed, and other files stay; or the run
+        there goes on, with the same parameters.
+    changeable
+        Names of those that may change in a run that goes on, beside those that change no result.
     keep_runs
-        The experiment goes on with the complete ones of the runs in `out`/runs: they stay.
+        The experiment uses the complete ones of the runs in `out`/runs again, if it overwrites: they stay.
 
     Raises
     ------
     InputError
-        As `check_folder`.
+        As `check_folder`; if another process writes to it; or if the run there has other parameters.
     """
-    check_folder(out, overwrite)
+    check_folder(out, existing)
     folder = Path(out)
+    if existing == "resume":
+        check_unchanged(params, folder, changeable)
     folder.mkdir(parents=True, exist_ok=True)
-    if not keep_runs:
-        for path in sorted(folder.glob("runs/*")):
-            _clear(path)
-        _remove_if_empty(folder / "runs")
-    _clear(folder)
-    (folder / CONFIG).write_text(to_toml(params), encoding="utf-8")
-    return folder
+    with lsm.locked(folder):
+        if existing == "resume":
+            (folder / SUMMARY).unlink(missing_ok=True)  # there is one only of a run that is complete
+        elif existing == "overwrite":
+            if not keep_runs:
+                for path in sorted(folder.glob("runs/*")):
+                    _clear(path)
+                _remove_if_empty(folder / "runs")
+            _clear(folder)
+        (folder / CONFIG).write_text(to_toml(params, experiment), encoding="utf-8")
+        yield folder
+
+
+def is_complete(folder: Path) -> bool:
+    """Whether the run in a folder has come to its end."""
+    return (folder / SUMMARY).is_file()
+
+
+def is_done(folder: Path, params: Params) -> bool:
+    """Whether the run in a folder is complete and was made with these parameters, but for those that change nothing."""
+    if not is_complete(folder):
+        return False
+    former = merge(type(params), None, folder / CONFIG)
+    return all(
+        getattr(params, name) == getattr(former, name) for name in _acting(params, former) - params.without_result
+    )
+
+
+def _acting(params: Params, former: Params) -> set[str]:
+    """Parameters that have an effect in either of two runs."""
+    return set(type(params).model_fields) - (params.idle().keys() & former.idle().keys())
+
+
+def check_unchanged(params: Params, folder: Path, changeable: Collection[str] = ()) -> None:
+    """Refuse to go on with other parameters than the run in a folder has, but for those that may change.
+
+    Raises
+    ------
+    InputError
+        With every parameter that differs, its value there and here; or if the folder holds no run.
+    """
+    config = folder / CONFIG
+    if not config.is_file():
+        raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run that was stopped")
+    former, allowed = merge(type(params), None, config), params.without_result | set(changeable)
+    acting = _acting(params, former) - allowed
+    problems = [
+        f"{option_name(name)} {getattr(params, name)}: is {getattr(former, name)} in the run in {folder}, and cannot "
+        f"change in a run that goes on; only {', '.join(map(option_name, sorted(allowed)))} may"
+        for name in type(params).model_fields
+        if name in acting and getattr(params, name) != getattr(former, name)
+    ]
+    if problems:
+        raise ParameterError(problems)
 
 
 def _clear(folder: Path) -> None:
@@ -105,6 +176,7 @@ def _clear(folder: Path) -> None:
     for path in folder.iterdir():
         if path.name in WRITTEN and not path.is_dir():
             path.unlink()
+    shutil.rmtree(folder / PARTS, ignore_errors=True)
     if folder.parent.name == "runs":
         _remove_if_empty(folder)
 

@@ -7,10 +7,15 @@ from workflows.common.metrics import Metric
 
 
 class Stopwatch:
-    """Wall-clock and processor time since it was made."""
+    """Wall-clock and processor time since it was made, and before that: of a run that goes on."""
 
     def __init__(self) -> None:
         self._clock, self._processor = time.perf_counter(), _processor_seconds()
+
+    def add(self, seconds: float, cpu_seconds: float) -> None:
+        """Count also the wall-clock and processor time [s] that another process took for the same run."""
+        self._clock -= seconds
+        self._processor -= cpu_seconds
 
     @property
     def seconds(self) -> float:

@@ -12,13 +12,17 @@ if TYPE_CHECKING:
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
-def to_toml(params: Params) -> str:
+def to_toml(params: Params, experiment: str = "") -> str:
     """Every field of `params` as TOML, each under a comment with its description (which ends in the unit).
 
-    None is written as the string "none". Fields that have no effect (`Params.idle`) are comments. Lists of tables come
-    last, as TOML requires.
+    With the name of the experiment it comes first, and the preset that the parameters started from. None is written as
+    the string "none". Fields that have no effect (`Params.idle`) are comments. Lists of tables come last, as TOML
+    requires.
     """
-    plain, tables = [], []
+    plain = [f"# what these parameters are for\nexperiment = {_text(experiment)}"] if experiment else []
+    if experiment and params.preset_name:
+        plain.append(f"# with which they began; all values that differ are below\npreset = {_text(params.preset_name)}")
+    tables = []
     values = params.model_dump(mode="json", round_trip=True)
     idle = params.idle()
     for name, field in type(params).model_fields.items():

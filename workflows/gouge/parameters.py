@@ -41,6 +41,10 @@ def round_grains(word: str, dim: int) -> str | None:
 class Params(BaseParams):
     """One shear experiment on a layer of gouge."""
 
+    without_result: ClassVar[frozenset[str]] = BaseParams.without_result | {
+        *("profile", "keep_checkpoint", "checkpoint_seconds")
+    }
+
     dim: int = Field(default=2, ge=2, le=3, description="dimension of space [1]")
     shape: Shape = Field(default="round", description="grain shape; round: discs in 2D, spheres in 3D")
     smallest_diameter: float = Field(default=105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
@@ -113,6 +117,15 @@ class Params(BaseParams):
     )
     rows_per_strain: int = Field(
         default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
+    )
+    keep_checkpoint: bool = Field(
+        default=False, description="keep the checkpoint of a complete run, so that it can be made longer"
+    )
+    checkpoint_seconds: float | None = Field(
+        default=None,
+        ge=0.01,
+        le=1e6,
+        description="wall-clock time between two checkpoints; none: a minute, or more where they take long [s]",
     )
     profile: bool = Field(default=False, description="print the run time of each stage of a step")
     effects: list[dict] = Field(
@@ -190,7 +203,10 @@ class Params(BaseParams):
         if not self.breakable:
             found |= dict.fromkeys(("pieces", "bond_strength"), "without --breakable")
         if self.target_error is not None:
-            found |= dict.fromkeys(("strain", "step_safety", "profile"), "with --target-error, which makes the runs")
+            found |= dict.fromkeys(
+                ("strain", "step_safety", "profile", "keep_checkpoint", "checkpoint_seconds"),
+                "with --target-error, which makes the runs",
+            )
         for effect in self.given_effects():
             role = effect.role or effect.phase
             found |= dict.fromkeys(REPLACED.get(role, ()), f"beside the effect {effect.name}, which replaces its own")

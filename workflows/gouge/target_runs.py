@@ -14,7 +14,7 @@ from workflows.common.metrics import Metric, number, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.refusals import derived
-from workflows.common.run_folder import begin_run
+from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import target_error
@@ -47,17 +47,29 @@ def run_to_target(
     progress: Progress | None,
     workflow: str,
     analyse: Callable[[xarray.Dataset, Params], dict[str, Metric]],
-    overwrite: bool = False,
+    existing: Existing = "refuse",
 ) -> xarray.Dataset:
     """Plan and carry out the runs; writes target.nc, summary.json and runs/ to `out`, returns target.nc.
 
-    workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them; overwrite: as
-    `begin_run` takes it.
+    workflow: name of the module that makes the runs; analyse(dataset, params) -> metrics of one of them; existing: as
+    `run_folder` takes it.
     """
+    with run_folder(params, "shear-gouge", out, existing) as folder:
+        return _run_to_target(params, folder, progress, workflow, analyse, existing == "resume")
+
+
+def _run_to_target(
+    params: Params,
+    out: Path,
+    progress: Progress | None,
+    workflow: str,
+    analyse: Callable[[xarray.Dataset, Params], dict[str, Metric]],
+    resume: bool,
+) -> xarray.Dataset:
+    """The runs in their folder."""
     row = target_error.table_of(params.shape, params.dim)
     target = params.target_error or 0.0
     plan = target_error.plan(params, target)
-    out = begin_run(params, out, overwrite)
     if progress:
         print(
             f"target {target:g}: {plan.seeds} runs to strain {plan.strain:g}, {plan.step_safety:g} of the "
@@ -66,7 +78,7 @@ def run_to_target(
         )
     watch, runs = Stopwatch(), runs_of(params, plan)
     jobs = [(label, workflow, of_run, out / "runs" / label) for label, of_run in runs.items()]
-    run_replicas(jobs, 2, progress)
+    run_replicas(jobs, 2, progress, resume)
     table = collect(runs, params, out, analyse)
     means, errors = (table[name].values.tolist() for name in ("friction_mean", "friction_se"))
     as_run = params.model_copy(update={"strain": plan.strain})

@@ -67,6 +67,6 @@ def test_finding_imports_neither_taichi_nor_the_plotting(plugins):
 
 def test_a_run_that_lacks_an_argument_is_refused(plugins):
     text = (plugins / "toy_run.py").read_text()
-    (plugins / "old_run.py").write_text(text.replace(", overwrite=False", ""))
-    with pytest.raises(DiscoveryError, match=r"old_run.py: run must take params, out, progress, overwrite, in this"):
+    (plugins / "old_run.py").write_text(text.replace(', existing="refuse"', ""))
+    with pytest.raises(DiscoveryError, match=r"old_run.py: run must take params, out, progress, existing, in this"):
         find_workflows()

@@ -55,7 +55,7 @@ def test_the_default_folder_is_named_after_the_command(plugins, tmp_path):
 
 def test_the_parameters_reach_the_run(toy, monkeypatch):
     calls = []
-    monkeypatch.setattr(toy, "run", lambda params, out, progress, overwrite: calls.append((params, out, progress)))
+    monkeypatch.setattr(toy, "run", lambda params, out, progress, existing: calls.append((params, out, progress)))
     assert main(["toy-run", "--time-step", "none", "--no-rough", "--seeds=4,5", "--out", "x", "--quiet"]) == 0
     params = toy.Params(time_step=None, rough=False, seeds=[4, 5], normal_stress=1e6)
     assert calls == [(params, Path("x"), None)]
@@ -90,8 +90,8 @@ def test_all_mistakes_at_once_and_nothing_written(plugins, tmp_path, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert code == 2
     assert [line.split()[1] for line in lines] == [
-        "--preset",
         "--config",
+        "--preset",
         "--grains",
         "--normal-stress",
         "--shape",
@@ -156,7 +156,7 @@ def test_the_errors_of_a_run(plugins, tmp_path, capsys, act, code, words):
     [(MemoryError(), "not enough memory"), (OSError(28, "No space left on device"), "No space left")],
 )
 def test_what_the_machine_refuses_is_one_line(toy, monkeypatch, capsys, error, words):
-    def run(params, out, progress, overwrite):
+    def run(params, out, progress, existing):
         raise error
 
     monkeypatch.setattr(toy, "run", run)
@@ -258,7 +258,7 @@ def test_claims_that_are_met_and_those_of_an_earlier_run_are_no_error(toy, monke
     assert main(["toy-run", "--act", "judge", "--normal-stress", "1e6", "--out", "x", "--strict"]) == 0
     assert main(["toy-run", "--act", "judge", "--normal-stress", "3e6", "--out", "y"]) == 0
     assert capsys.readouterr().err == MISSED
-    monkeypatch.setattr(toy, "run", lambda params, out, progress, overwrite: None)  # writes no summary
+    monkeypatch.setattr(toy, "run", lambda params, out, progress, existing: None)  # writes no summary
     assert main(["toy-run", "--out", "y", "--overwrite", "--strict"]) == 0
     assert capsys.readouterr().err == ""
 

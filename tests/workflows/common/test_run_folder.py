@@ -9,7 +9,7 @@ import pytest
 import taichi_lsm
 import workflows
 from taichi_lsm.core.errors import InputError
-from workflows.common.run_folder import WRITTEN, begin_run, check_folder
+from workflows.common.run_folder import WRITTEN, check_folder, run_folder
 
 OTHERS = ("notes.txt", "friction.xlsx", "run.nc.bak", "figures/run.png", "runs/mine/data.csv", "runs/note.md")
 LEFT = ("run.nc", "stopped.nc", "checkpoint.nc", "run.pdf", "summary.json", ".grains.nc.part")
@@ -34,14 +34,19 @@ def files_in(folder):
     return {str(path.relative_to(folder)) for path in folder.rglob("*") if not path.is_dir()}
 
 
+def begin_run(params, out, existing="refuse", **options):
+    with run_folder(params, "toy-run", out, existing, **options) as folder:
+        return folder
+
+
 def test_what_former_runs_left_is_removed_and_nothing_else(used, toy):
-    assert begin_run(toy.Params(seed=3), used, overwrite=True) == used
+    assert begin_run(toy.Params(seed=3), used, existing="overwrite") == used
     assert files_in(used) == {"config.toml", *OTHERS}
     assert not (used / "runs/round-1").exists() and "seed = 3" in (used / "config.toml").read_text()
 
 
 def test_runs_with_which_an_experiment_goes_on_stay(used, toy):
-    begin_run(toy.Params(), used, overwrite=True, keep_runs=True)
+    begin_run(toy.Params(), used, "overwrite", keep_runs=True)
     assert {"runs/round-1/run.nc", "runs/round-2/config.toml"} <= files_in(used)
     assert not files_in(used) & set(LEFT)
 
@@ -49,13 +54,13 @@ def test_runs_with_which_an_experiment_goes_on_stay(used, toy):
 def test_a_folder_that_no_run_has_begun_keeps_all_it_holds(used, toy):
     for place in (".", "runs/round-1"):
         (used / place / "config.toml").unlink()
-    begin_run(toy.Params(), used, overwrite=True)
+    begin_run(toy.Params(), used, existing="overwrite")
     assert {*LEFT, "runs/round-1/run.nc"} <= files_in(used) and "runs/round-2/run.nc" not in files_in(used)
 
 
 def test_a_folder_that_is_not_empty_is_refused_as_it_is(used, toy):
     before = files_in(used)
-    with pytest.raises(InputError, match=rf"^out {used}: is not empty, must be new or empty unless overwrite=True is"):
+    with pytest.raises(InputError, match=rf"^out {used}: is not empty, must be .* unless existing='overwrite'"):
         begin_run(toy.Params(), used)
     assert files_in(used) == before and (used / "config.toml").read_text() == "old"
 
@@ -64,10 +69,10 @@ def test_folders_that_cannot_be_written_are_refused(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     for path, words in (("file", "is a file"), ("file/below", "file is a file"), ("x" * 300, "cannot be used: .*long")):
         with pytest.raises(InputError, match=words):
-            check_folder(tmp_path / path, overwrite=True)
+            check_folder(tmp_path / path, existing="overwrite")
     monkeypatch.setattr(os, "access", lambda *given: False)
     with pytest.raises(InputError, match=r"^--out .*: may not be written to\.$"):
-        check_folder(tmp_path, True, "--out")
+        check_folder(tmp_path, "overwrite", "--out")
 
 
 def test_every_file_that_the_code_names_is_known():
@@ -80,4 +85,5 @@ def test_every_file_that_the_code_names_is_known():
             named |= {re.sub(r"\{[\w.]*(kind|format)\}", "svg", name) for name in found}
     assert {"run.nc", "compare.nc", "friction.svg", "stopped.svg", "hard_cases.md", "checkpoint.nc"} <= named
     named -= {"scene.py", "settled.nc"}  # the folder of the package; within one hard case, in a folder of its own
+    named -= {"composed.nc", "fresh.nc", "{name}.json"}  # in memory; in the folder of parts
     assert named <= WRITTEN, named - WRITTEN

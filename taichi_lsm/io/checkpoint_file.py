@@ -1,11 +1,13 @@
 """Exact save and restore of a simulation: every row that the schema marks `restart`, bit for bit.
 
-The file is plain NetCDF, one group per table. A simulation is restored into one that was made from the same scene, in
-the same precision; the steps that follow give the same bits as if the run had not been interrupted.
+The file is plain NetCDF, one group per table, and bears a digest of all that it holds. A simulation is restored into
+one that was made from the same scene, in the same precision; the steps that follow give the same bits as if the run
+had not been interrupted.
 """
 
+import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
@@ -26,11 +28,12 @@ from .scene_identity import scene_identity
 if TYPE_CHECKING:
     from ..simulation import Simulation
 
-FORMAT = 3
+FORMAT = 4
 OF_SCENE = "scene_"  # with which the attributes begin that `scene_identity` gives
 COUNTERS = ("step", "rebuilds")
 COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside NUMBERS and those of `_identity`
 NUMBERS = {"dt": "s", "skin": "m", "list_skin": "m"}
+DECODING = (json.JSONDecodeError, UnicodeDecodeError)
 EXPECTED = "must be a whole file that save_checkpoint wrote"
 LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
 PLATEN_ROWS = tuple(
@@ -64,16 +67,32 @@ class _Saved:
         {group: {row: values of the rows in use}}.
     drives
         Drives of the platens along each axis, [] if there are none.
+    run_state
+        What was saved beside the simulation.
     """
 
     numbers: dict[str, float]
     counts: dict[str, int]
     tables: dict[str, dict[str, npt.NDArray]]
     drives: list[list[Any]]
+    run_state: dict[str, Any]
 
 
-def save_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
+class DamagedCheckpointError(InputError):
+    """A checkpoint that is missing, truncated or altered: an earlier one may still be good."""
+
+
+def save_checkpoint(sim: "Simulation", path: str | PathLike[str], run_state: Mapping[str, Any] | None = None) -> None:
     """Write the state of `sim` to the NetCDF file `path`, which appears whole or not at all.
+
+    Parameters
+    ----------
+    sim : Simulation
+    path
+        The file, replaced if it exists.
+    run_state
+        What else the run needs to go on, such as its place in a schedule: numbers, texts, lists and dicts of these.
+        `restore_checkpoint` gives it back.
 
     Raises
     ------
@@ -93,21 +112,29 @@ def save_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
             _write(file.createGroup(group), rows, owner, count)
         if sim.platens:
             file.drives = _drives_text(sim)
+        file.run_state = json.dumps(dict(run_state or {}))
+        file.digest = content_digest(file)
 
     write_atomically(path, fill)
 
 
-def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
+def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> dict[str, Any]:
     """Put `sim`, made from the same scene, into the state saved at `path`.
 
     Every input of the scene must be the same, but for those of `scene_identity.FREE`: positions, velocities and
     orientations, the time step and the margin of the list are those of the file; guards and threads those of `sim`.
 
+    Returns
+    -------
+    dict
+        The `run_state` that was saved with it, {} if there was none.
+
     Raises
     ------
+    DamagedCheckpointError
+        An InputError: if the file is missing, truncated, altered or no checkpoint. The simulation is then as it was.
     InputError
-        If the file is missing, truncated, damaged or no checkpoint, or belongs to a simulation of another scene. The
-        simulation is then as it was.
+        If it belongs to a simulation of another scene. The simulation is then as it was.
     """
     saved = _read(sim, Path(path))
     sim.set_time_step(saved.numbers["dt"])
@@ -124,6 +151,7 @@ def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> None:
         setattr(sim, name, saved.counts[name])
     sim.search.searches = saved.counts["searches"]
     _resume(sim)
+    return saved.run_state
 
 
 def _resume(sim: "Simulation") -> None:
@@ -167,6 +195,7 @@ def _identity(sim: "Simulation") -> dict[str, Any]:
     """What two simulations must share, as attributes of the file."""
     return {
         "format": np.int64(FORMAT),
+        "Conventions": "CF-1.11, ACDD-1.3",
         "title": "Checkpoint of a simulation of grains",
         "grains": np.int64(len(sim.grains)),
         "precision": sim.runtime.precision,
@@ -206,10 +235,14 @@ def _write(group: netCDF4.Group, rows: Sequence[Variable], owner: Any, count: in
 def _read(sim: "Simulation", path: Path) -> _Saved:
     """The whole file, before anything of the simulation is changed; InputError if it does not fit."""
     if not path.is_file():
-        raise InputError(f"checkpoint {path}: no such file, {EXPECTED}")
+        raise DamagedCheckpointError(f"checkpoint {path}: no such file, {EXPECTED}")
     try:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
+            if "format" not in file.ncattrs() or file.format != FORMAT:
+                raise DamagedCheckpointError(f"checkpoint {path}: is not of format {FORMAT}, {EXPECTED}")
+            if file.digest != content_digest(file):
+                raise DamagedCheckpointError(f"checkpoint {path}: is damaged, its digest differs, {EXPECTED}")
             _require_same(sim, path, file)
             lacking = [name for name in (*COUNTS, *NUMBERS) if name not in file.ncattrs()]
             if lacking:
@@ -219,9 +252,9 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
                 group: {row.name: file[group][row.name][:] for row in rows if row.restart}
                 for group, rows, _, _ in _tables(sim)
             }
-            drives = file.drives if sim.platens else "[]"
-    except (OSError, RuntimeError, IndexError, AttributeError, KeyError) as error:
-        raise InputError(f"checkpoint {path}: cannot be read ({error}), {EXPECTED}") from None
+            drives, run_state = file.drives if sim.platens else "[]", json.loads(file.run_state)
+    except (OSError, RuntimeError, IndexError, AttributeError, KeyError, *DECODING) as error:
+        raise DamagedCheckpointError(f"checkpoint {path}: cannot be read ({error}), {EXPECTED}") from None
     for name, unit in NUMBERS.items():
         least = "> 0" if name == "dt" else ">= 0"
         if not (finite(numbers[name]) and (numbers[name] > 0.0 or (least == ">= 0" and numbers[name] == 0.0))):
@@ -232,7 +265,29 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
     counts = {name: int(numbers[name]) for name in COUNTS}
     _require_shapes(sim, path, tables, counts["pair_capacity"])
     lengths_and_time = {name: float(numbers[name]) for name in NUMBERS}
-    return _Saved(lengths_and_time, counts, tables, _saved_drives(sim, path, drives))
+    return _Saved(lengths_and_time, counts, tables, _saved_drives(sim, path, drives), run_state)
+
+
+def content_digest(file: netCDF4.Dataset) -> str:
+    """SHA-256 of the attributes and variables of a file and of its groups, but for the attribute `digest` itself."""
+    sha = hashlib.sha256()
+    for part in _content(file):
+        sha.update(part)
+    return sha.hexdigest()
+
+
+def _content(group: netCDF4.Dataset | netCDF4.Group) -> Iterator[bytes]:
+    """All texts and numbers of a group, in the order of their names."""
+    yield f"{group.path}:".encode()
+    for name in sorted(set(group.ncattrs()) - {"digest"}):
+        yield f"{name}={group.getncattr(name)};".encode()
+    for name, variable in sorted(group.variables.items()):
+        variable.set_auto_mask(False)
+        values = np.ascontiguousarray(variable[:])
+        yield f"{name} {values.shape} {values.dtype} {variable.units} {variable.long_name}:".encode()
+        yield values.tobytes()
+    for _, inner in sorted(group.groups.items()):
+        yield from _content(inner)
 
 
 def _drives_text(sim: "Simulation") -> str:

@@ -1,0 +1,67 @@
+"""The last two checkpoints of a run, in its folder: while one is written, or if it is damaged, there is the other."""
+
+from collections.abc import Mapping
+from os import PathLike, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..core.errors import InputError
+from ..core.whole_files import require_folder_still
+from .checkpoint_file import DamagedCheckpointError, restore_checkpoint, save_checkpoint
+
+if TYPE_CHECKING:
+    from ..simulation import Simulation
+
+LAST, PREVIOUS = "checkpoint.nc", "checkpoint.previous.nc"
+
+
+class Restored(NamedTuple):
+    """What `restore_last` found: the `run_state` of the file, its path, and what was wrong with a later one, or ""."""
+
+    run_state: dict[str, Any]
+    path: Path
+    damage: str
+
+
+def keep_checkpoint(sim: "Simulation", folder: str | PathLike[str], run_state: Mapping[str, Any] | None = None) -> Path:
+    """Save `sim` and `run_state` as the last checkpoint in `folder`; returns its path. The one before is kept beside.
+
+    Raises
+    ------
+    SimulationError
+        If the disk is full or cannot be written to, then the checkpoint before is as it was; or the folder is gone.
+    """
+    last, previous = Path(folder) / LAST, Path(folder) / PREVIOUS
+    require_folder_still(last)
+    if last.exists():
+        replace(last, previous)
+    save_checkpoint(sim, last, run_state)
+    return last
+
+
+def restore_last(sim: "Simulation", folder: str | PathLike[str]) -> Restored:
+    """Put `sim` into the state of the last checkpoint in `folder` that is whole.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it belongs to a simulation of another scene. The simulation is then as it was.
+    """
+    damages = []
+    for path in (Path(folder) / LAST, Path(folder) / PREVIOUS):
+        try:
+            return Restored(restore_checkpoint(sim, path), path, "; ".join(damages))
+        except DamagedCheckpointError as error:
+            damages.append(str(error))
+    raise InputError("; ".join(damages))
+
+
+def has_checkpoint(folder: str | PathLike[str]) -> bool:
+    """Whether there is a checkpoint in `folder`, whole or not."""
+    return any((Path(folder) / name).exists() for name in (LAST, PREVIOUS))
+
+
+def remove_checkpoints(folder: str | PathLike[str]) -> None:
+    """Remove the checkpoints in `folder`: the run is complete."""
+    for name in (LAST, PREVIOUS):
+        (Path(folder) / name).unlink(missing_ok=True)

@@ -1,0 +1,161 @@
+"""SIGKILL at random instants: `make validate-crash`, or `python -m tests.crash.random_kills --kills 200`.
+
+Short runs of every kind of state are killed at random, resumed, killed again, until they are complete. After every kill
+all files must open, and have at least the rows of the last checkpoint; the complete run must equal one that was never
+killed, bit for bit in every variable of every file. Prints a table; the exit code is 1 if anything differed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+
+import taichi_lsm as lsm
+
+SMALL = ["--layer-thickness", "8", "--length", "8", "--inertial-number", "0.01", "--checkpoint-seconds", "0.3"]
+SMALL += ["--steady-from", "0.1"]
+CASES = {
+    "2D discs": ["--strain", "3"],
+    "2D angular": ["--shape", "angular", "--strain", "1.5"],
+    "2D bonded": ["--shape", "angular", "--breakable", "--pieces", "3", "--bond-strength", "2", "--strain", "0.4"],
+    "2D on a spring": ["--load-stiffness-ratio", "0.1", "--strain", "3"],
+    "3D spheres": ["--dim", "3", "--width", "4", "--strain", "0.6"],
+}
+FILES = ("run.nc", "grains.nc")
+
+
+@dataclass
+class Count:
+    """What happened to the runs of one case."""
+
+    kills: int = 0
+    runs: int = 0
+    kept_most: float = 0.0  # greatest share of the rows that a kill left
+    lost_most: float = 0.0  # greatest wall-clock time between the last checkpoint and a kill [s]
+    problems: int = 0
+
+
+def command(*words: str) -> list[str]:
+    """The command line of `lsm` in this environment."""
+    return [sys.executable, "-m", "workflows.cli.main", *words, "--quiet"]
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Bytes of every variable of a file."""
+    found = {}
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_mask(False)
+        for name, variable in file.variables.items():
+            values = np.asarray(variable[:])
+            found[name] = repr(values.tolist()).encode() if values.dtype == object else values.tobytes()
+    return found
+
+
+def differences(folder: Path, reference: Path) -> list[str]:
+    """Variables of the files of two runs that are not equal."""
+    different = []
+    for name in FILES:
+        mine, theirs = contents(folder / name), contents(reference / name)
+        different += [f"{name}:{v}" for v in sorted(mine.keys() | theirs.keys()) if mine.get(v) != theirs.get(v)]
+    return [name for name in different if name not in ("run.nc:run", "grains.nc:run")]  # the name of the folder
+
+
+def check_files(folder: Path, count: Count, killed_at: float) -> list[str]:
+    """What is wrong with the files that a kill left."""
+    problems, rows = [], {}
+    for name in FILES:
+        if (folder / name).exists():
+            try:
+                rows[name] = lsm.open_run(folder / name).sizes["time"]
+            except lsm.InputError as error:
+                problems.append(str(error))
+    for name in ("checkpoint.nc", "checkpoint.previous.nc"):
+        path = folder / name
+        if not path.exists():
+            continue
+        try:
+            with netCDF4.Dataset(path) as file:
+                state = file.run_state
+        except OSError as error:
+            problems.append(f"{path}: {error}")
+            continue
+        if name == "checkpoint.nc":
+            import json
+
+            wanted = json.loads(state)
+            count.lost_most = max(count.lost_most, killed_at - path.stat().st_mtime)
+            if rows.get("run.nc", 0) < wanted["rows"] or rows.get("grains.nc", 0) < wanted["snapshots"]:
+                problems.append(f"{folder}: {rows}, but the checkpoint counts {wanted['rows']}, {wanted['snapshots']}")
+    return problems
+
+
+def run_case(name: str, options: list[str], kills: int, root: Path, rng: random.Random) -> Count:
+    """Kill runs of one case so many times."""
+    count, reference = Count(), root / f"{name}-reference"
+    began = time.monotonic()
+    subprocess.run(command("shear-gouge", *SMALL, *options, "--out", str(reference)), check=True)
+    took = time.monotonic() - began
+    while count.kills < kills:
+        folder = root / f"{name}-{count.runs}"
+        count.runs += 1
+        words = command("shear-gouge", *SMALL, *options, "--out", str(folder))
+        while True:
+            process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            try:
+                _, errors = process.communicate(timeout=rng.uniform(0.3, 1.0) * took)
+            except subprocess.TimeoutExpired:
+                os.kill(process.pid, signal.SIGKILL)
+                killed_at = time.time()
+                process.communicate()
+                count.kills += 1
+                problems = check_files(folder, count, killed_at)
+            else:
+                problems = [] if process.returncode == 0 else [f"exit code {process.returncode}: {errors}"]
+                if process.returncode == 0:
+                    different = differences(folder, reference)
+                    problems += [f"{folder}: differs in {', '.join(different)}"] if different else []
+                    problems += [f"{folder}: {p.name} was left" for p in folder.glob("*checkpoint*")]
+                    break
+            for problem in problems:
+                print(f"{name}: {problem}", flush=True)
+            count.problems += len(problems)
+            if problems:
+                break
+            started = (folder / "config.toml").exists()
+            words = command("resume", str(folder)) if started else words
+        for problem in problems:
+            count.problems += 1
+            print(f"{name}: {problem}", flush=True)
+    return count
+
+
+def main() -> int:
+    """Kill runs of all cases and print what came of them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=200, help="number of kills, of all cases together")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the instants")
+    parser.add_argument("--cases", nargs="*", default=list(CASES), choices=list(CASES), help="kinds of runs")
+    given = parser.parse_args()
+    rng, failed = random.Random(given.seed), False
+    print("| runs of | kills | complete runs | longest loss | problems |\n|---|---|---|---|---|", flush=True)
+    with tempfile.TemporaryDirectory(prefix="lsm-crash-") as root:
+        for name in given.cases:
+            count = run_case(name, CASES[name], -(-given.kills // len(given.cases)), Path(root), rng)
+            print(f"| {name} | {count.kills} | {count.runs} | {count.lost_most:.1f} s | {count.problems} |", flush=True)
+            failed |= count.problems > 0
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

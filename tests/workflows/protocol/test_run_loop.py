@@ -1,0 +1,214 @@
+"""The run loop with stand-ins for grains and files: stages, samples, and a run that stops anywhere and goes on."""
+
+import json
+import signal
+from types import SimpleNamespace
+
+import pytest
+
+import taichi_lsm as lsm
+from workflows.cli import signals
+from workflows.common.stopwatch import Stopwatch
+from workflows.protocol import run_loop
+from workflows.protocol.conditions import Reached, Settled
+from workflows.protocol.resume import start_of
+from workflows.protocol.run_loop import RunLoop
+from workflows.protocol.schedule import Position, Stage
+
+
+class World:
+    """Stands in for a simulation, the layer that it measures and its files: a state that depends on every step."""
+
+    def __init__(self, stop_at=None, resumed=None):
+        self.step, self.state, self.velocity, self.stop_at = 0, 1.0, 0.0, stop_at
+        self.strain = self.slip = self.load = 0.0
+        self.thickness = 2.0
+        self.dt, self.sim, self.memory, self.grains = 1.0, self, self, self
+        self.rows, self.snapshots, self.lines, self.pictures = 0, 0, [], []
+        self.samples, self.saved, self.last_time = [], resumed, -1.0
+
+    def __len__(self):
+        return 10
+
+    @property
+    def time(self):
+        return self.step * self.dt
+
+    def run(self, steps):
+        for _ in range(steps):
+            self.state = (1.0001 * self.state + self.velocity) % 7.0
+            self.strain += self.velocity / self.thickness
+            self.slip += self.velocity
+            self.step += 1
+            if self.step == self.stop_at:
+                signal.raise_signal(signal.SIGTERM)
+
+    def drive(self, velocity):
+        self.velocity = velocity
+
+    def begin_shear(self):
+        self.strain = self.slip = 0.0
+
+    def sample(self):
+        self.samples.append(self.state)
+
+    def begin_stage(self, name, index):
+        self.stage = name, index
+
+    def row(self):
+        self.load = min(1.0, self.load + 0.3)
+        self.thickness = max(1.0, self.thickness - 0.4)
+        self.lines.append((self.step, *self.stage, sum(self.samples), len(self.samples)))
+        self.rows, self.samples = self.rows + 1, []
+        return {"platen_normal_stress": self.load}
+
+    def snapshot(self):
+        self.pictures.append((self.step, self.state, self.stage[0]))
+        self.snapshots, self.last_time = self.snapshots + 1, self.time
+
+    def flush(self):
+        pass
+
+    def as_plain(self):
+        names = ("step", "state", "velocity", "strain", "slip", "load", "thickness", "samples", "lines", "pictures")
+        return {name: getattr(self, name) for name in names}
+
+    def restore(self, values):
+        vars(self).update(values)
+        self.lines = [tuple(line) for line in self.lines]
+        self.pictures = [tuple(picture) for picture in self.pictures]
+
+    def keep_checkpoint(self, run_state):
+        self.saved = json.dumps(run_state)
+
+
+def schedule(strain=3.0):
+    """Consolidation, shear, and a hold."""
+    return [
+        Stage("press", Settled(1.0, within=1000.0), sample_steps=7, samples=2),
+        Stage("shear", Reached(strain=2.0), 5, 3, velocity=0.01, per_thickness=True, snapshot_strain=0.5),
+        Stage("hold", Reached(time=40.0), 3, 1, velocity=0.0),
+        Stage("again", Reached(strain=strain, slip=100.0), 5, 3, velocity=0.02),
+    ]
+
+
+@pytest.fixture
+def go(monkeypatch):
+    """go(world, stages, start): run a schedule to its end or to the signal; returns the loop, or None."""
+    monkeypatch.setattr(signals, "SAME_REQUEST_S", 0.0)  # or signals of one test after the other would count as one
+    previous = signals.install()
+
+    def run(world, stages, position=None):
+        loop = RunLoop(world, world, stages, world.drive, lambda stage, row: None, Stopwatch(), position)
+        try:
+            loop.run()
+        except signals.Interrupted:
+            return None
+        return loop
+
+    def resume(saved, stages):
+        world = World()
+        state = json.loads(saved)
+        restored = lsm.checkpoints.Restored(state, "checkpoint.nc", "")
+        monkeypatch.setattr(lsm.checkpoints, "restore_last", lambda sim, out: restored)
+        start, damage = start_of(world, stages, "out", Stopwatch())
+        world.rows, world.snapshots = start.keep
+        world.lines, world.pictures = world.lines[: world.rows], world.pictures[: world.snapshots]
+        world.last_time = world.pictures[-1][0]
+        assert damage == "" and len(world.lines) == world.rows and len(world.pictures) == world.snapshots
+        assert run(world, stages, start.position)
+        return world
+
+    yield SimpleNamespace(run=run, resume=resume)
+    signals.restore(previous)
+
+
+def test_a_schedule_is_gone_through_stage_by_stage(go):
+    world = World()
+    loop = go.run(world, schedule())
+    names = [line[1:3] for line in world.lines]
+    assert list(dict.fromkeys(names)) == [("generate", 0), ("press", 1), ("shear", 2), ("hold", 3), ("again", 4)]
+    assert world.lines[1][0] == 14 and all(
+        line[4] == {"press": 2, "shear": 3, "hold": 1, "again": 3}[line[1]] for line in world.lines[1:]
+    )
+    assert sum(name == ("hold", 3) for name in names) == 14  # rows three steps apart, until 40 have passed
+    shots = [picture[2] for picture in world.pictures]
+    assert shots == ["generate", "press", *["shear"] * 4, "hold", "again"]
+    assert loop.position.stage == 4 and world.velocity == 0.02
+
+
+def test_a_run_that_stops_anywhere_goes_on_as_if_it_had_not(go, monkeypatch):
+    """Stopped at every step, with pieces of every length."""
+    whole = World()
+    go.run(whole, schedule())
+    for stop in range(1, whole.step):
+        monkeypatch.setattr(run_loop, "FIRST_PIECE", 10.0 * (1 + stop % 11))
+        stopped = World(stop_at=stop)
+        assert go.run(stopped, schedule()) is None and stopped.step - stop < 11
+        resumed = go.resume(stopped.saved, schedule())
+        assert resumed.lines == whole.lines and resumed.pictures == whole.pictures
+        assert resumed.state == whole.state
+
+
+def test_a_finished_run_can_be_made_longer(go):
+    short, long = World(), World()
+    assert go.run(short, schedule(strain=0.61)) and go.run(long, schedule(strain=1.5))
+    resumed = go.resume(short.saved, schedule(strain=1.5))
+    assert short.lines != long.lines
+    assert resumed.lines == long.lines and resumed.pictures == long.pictures and resumed.state == long.state
+    same = go.resume(short.saved, schedule(strain=0.61))
+    assert same.lines == short.lines and same.pictures == short.pictures
+
+
+@pytest.mark.parametrize(("strain", "speed"), [(0.5, 40.0), (0.01, float("nan"))])
+def test_the_speed_of_a_run_leaves_out_the_row_in_which_it_compiles(go, monkeypatch, strain, speed):
+    """Ten grains; a step takes a quarter of a second, the first one a hundred seconds more."""
+    world = World()
+    monkeypatch.setattr(run_loop.time, "perf_counter", lambda: 100.0 * (world.step > 0) + 0.25 * world.step)
+    loop = go.run(world, [Stage("shear", Reached(strain=strain), 4, 2, velocity=0.01)])
+    assert loop.grain_steps_per_second == pytest.approx(speed, nan_ok=True)
+
+
+def test_a_layer_that_does_not_settle_ends_the_run(go):
+    stages = [Stage("press", Settled(5.0, within=100.0), sample_steps=7, samples=2)]
+    with pytest.raises(
+        lsm.SimulationError, match=r"step 112: the layer did not settle within 100 s: normal stress 1 Pa"
+    ):
+        go.run(World(), stages)
+
+
+def test_the_first_of_the_ends_of_a_stage_ends_it():
+    layer = World()
+    for condition, met in ((Reached(slip=1.0), True), (Reached(time=9.0), False), (Reached(strain=0.4), True)):
+        memory = condition.begin(World())
+        layer.slip, layer.strain, layer.step = -1.5, 0.5, 5
+        assert condition.met(layer, {}, memory) == met
+
+
+def send(*signums):
+    """Send signals to this process while they are held back."""
+    with signals.held():
+        for signum in signums:
+            signal.raise_signal(signum)
+        after.append("held")
+
+
+after = []
+
+
+@pytest.mark.parametrize(("signums", "waits"), [([signal.SIGTERM], True), ([signal.SIGINT, signal.SIGINT], False)])
+def test_a_signal_waits_for_the_end_and_a_second_one_does_not(monkeypatch, signums, waits):
+    previous = signals.install()
+    monkeypatch.setattr(signals, "SAME_REQUEST_S", 0.0)
+    after.clear()
+    try:
+        with pytest.raises(signals.Interrupted):
+            send(*signums)
+    finally:
+        signals.restore(previous)
+    assert after == ["held"] * waits
+
+
+def test_a_position_is_plain():
+    position = Position(stage=1, begun=True, memory={"strain": 0.5})
+    assert Position(**json.loads(json.dumps(position.as_plain()))) == position

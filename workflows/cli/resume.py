@@ -1,0 +1,67 @@
+"""`lsm resume`: goes on with the run in a folder, of whatever experiment it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from cyclopts import App
+
+from taichi_lsm.core.errors import InputError
+from workflows.common.parameter_files import CONFIG, experiment_of
+from workflows.common.parameters import merge, option_name
+from workflows.common.run_folder import is_complete
+
+OF_FOLDER = ("config", "preset", "out", "overwrite")  # options that the folder decides
+
+
+def resume(
+    app: App,
+    found: Mapping[str, ModuleType],
+    folder: Path,
+    tokens: tuple[str, ...],
+    execute: Callable[..., int],
+) -> int:
+    """Run the rest of the run in `folder`, with options of its experiment that may change; returns the exit code.
+
+    Parameters
+    ----------
+    app
+        Parses the options.
+    found
+        Module of each experiment by its name.
+    folder
+        Of the run.
+    tokens
+        Options of its experiment as on the command line.
+    execute
+        `main.execute`.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no run of an experiment that is known, or an option contradicts the folder.
+    CycloptsError
+        If an option is unknown.
+    """
+    name = experiment_of(folder)
+    if name not in found:
+        raise InputError(f"{folder}: holds a run of {name}, must be one of {', '.join(found)}; set LSM_PLUGINS")
+    _, bound, _ = app.parse_args([name, *tokens], exit_on_error=False, print_error=False)
+    options: dict[str, Any] = {key: value for key, value in bound.kwargs.items() if value is not None}
+    wrong = [option_name(key) for key in OF_FOLDER if key in options]
+    if wrong:
+        raise InputError(f"{', '.join(wrong)}: must not be given to resume, which goes on in {folder} as it began")
+    common = {key: options.pop(key) for key in ("quiet", "strict", "yes") if key in options}
+    config = folder / CONFIG
+    if is_complete(folder) and _same(found[name], name, config, options):
+        print(f"{folder}: the run is complete, there is nothing to go on with")
+        return 0
+    return execute(name, found[name], options, out=str(folder), config=str(config), existing="resume", **common)
+
+
+def _same(module: ModuleType, name: str, config: Path, options: dict[str, Any]) -> bool:
+    """Whether options leave the parameters in a file as they are."""
+    return merge(module.Params, None, config, options, name) == merge(module.Params, None, config, None, name)
