@@ -130,6 +130,15 @@ def reason_of(error: Exception) -> str:
     return str(error)
 
 
+class _FreshProcesses(ProcessPoolExecutor):
+    """A pool whose processes leave Ctrl-C, which a terminal sends to all of them, to this one."""
+
+    def submit(self, fn, /, *arguments, **options):
+        # A process that starts here inherits what is blocked, and so does the thread that starts those after it.
+        with _blocked_signals({signal.SIGINT}):
+            return super().submit(fn, *arguments, **options)
+
+
 @contextmanager
 def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """A pool of `count` processes with a fresh one for every call: Taichi is started once per process.
@@ -141,13 +150,14 @@ def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """
     spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
     try:
-        with ProcessPoolExecutor(count, mp_context=spawn, max_tasks_per_child=1) as pool:
+        with _FreshProcesses(count, mp_context=spawn, max_tasks_per_child=1) as pool:
             try:
                 yield pool
             except signals.Interrupted:  # what runs is given up, or the pool would wait for all that was submitted
-                pool.shutdown(wait=False, cancel_futures=True)
                 for child in multiprocessing.active_children():
                     child.terminate()
+                # Its thread and semaphores end here: a further signal while Python exits would leave them behind.
+                pool.shutdown(wait=True, cancel_futures=True)
                 raise
     except BrokenProcessPool as error:
         raise SimulationError("a process of the run was killed, perhaps for want of memory") from error
@@ -260,11 +270,11 @@ def _environment(changes: dict[str, str]):
 
 
 @contextmanager
-def _blocked_signals():
+def _blocked_signals(blocked=signals.HANDLED):
     if not hasattr(signal, "pthread_sigmask"):  # Windows has no signal masks
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals.HANDLED)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
     try:
         yield
     finally:

@@ -60,6 +60,45 @@ def test_a_run_that_fails_says_why_without_a_traceback(toy, tmp_path):
     assert disk.startswith("a file could not be read or written") and "No space left" in disk and "\n" not in disk
 
 
+def test_an_interrupted_pool_ends_without_a_word(tmp_path):
+    """A terminal sends Ctrl-C to all processes, also while they start; nothing of the pool is left after it."""
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import multiprocessing, os, pathlib, sys, threading, time\n"
+        "if __name__ == '__mp_main__':\n"
+        "    pathlib.Path(f'importing-{os.getpid()}').touch()\n"
+        "    time.sleep(60)\n"
+        "from workflows.cli import signals\n"
+        "from workflows.common.parallel_runs import fresh_processes\n"
+        "if __name__ == '__main__':\n"
+        "    signals.install()\n"
+        "    try:\n"
+        "        with fresh_processes(2) as pool:\n"
+        "            waiting = [pool.submit(time.sleep, 60) for _ in range(3)]\n"
+        "            waiting[0].result()\n"
+        "    except signals.Interrupted as interrupted:\n"
+        "        print(threading.active_count(), len(multiprocessing.active_children()))\n"
+        "        sys.exit(128 + interrupted.signum)\n"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, str(script)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 20
+    while len(list(tmp_path.glob("importing-*"))) < 2:
+        assert parent.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(parent.pid, signal.SIGINT)
+    left, problems = parent.communicate(timeout=20)
+    assert parent.returncode == 128 + signal.SIGINT
+    assert left == "1 0\n" and problems == ""  # threads and processes
+
+
 def test_labels_must_differ(toy, tmp_path):
     job = ("same", "workflows.toy_run", toy.Params(), tmp_path / "x")
     with pytest.raises(ValueError, match="same"):
