@@ -184,10 +184,7 @@ def shear(params: Params, kind: str, elements: int, out: Path) -> dict[str, floa
     """{column: value} of friction and cost of one layer, measured in the calling process."""
     shapes, *_ = shapes_of(params, kind, elements)
     of_run = layer_params(params)
-    scene = shear_gouge.build(of_run)
-    mobile = scene.platen_index < 0
-    scene.shapes = [scene.shapes[0], *shapes]
-    scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
+    scene = shear_gouge.build(of_run, shapes=shapes)
     # A layer that is there was begun by this experiment, before it was stopped.
     existing = "resume" if (out / CONFIG).is_file() else "refuse"
     dataset = shear_gouge.simulate(scene, of_run, out, None, existing=existing)

@@ -1,7 +1,10 @@
 """The experiment on one layer: refused inputs, the state it reaches, and how it fails."""
 
+import itertools
+
 import numpy as np
 import pytest
+import shapely
 from pydantic import ValidationError
 
 import taichi_lsm as lsm
@@ -112,6 +115,23 @@ def test_grains_sets_their_number_and_the_seed_the_packing():
     assert np.sum(one.platen_index < 0) == 50
     assert np.array_equal(one.position, same.position)
     assert not np.array_equal(one.position[:50], other.position[:50])
+
+
+def test_shapes_that_are_given_are_packed_as_they_are():
+    """Bars, which would cut into one another in the places of other grains."""
+    bar = lsm.shapes.from_polygon([(-1.0, -0.2), (1.0, -0.2), (1.0, 0.2), (-1.0, 0.2)], 0.1)
+    params = shear_gouge.Params(shape="angular", grains=30, length=10)
+    scene = shear_gouge.build(params, shapes=[bar])
+    mobile = scene.platen_index < 0
+    assert scene.shapes[1:] == [bar] and set(scene.shape_index[mobile]) == {1}
+    outline = bar.outline(200)
+    bars = []
+    for angle, size, place in zip(scene.angle[mobile], scene.diameter[mobile], scene.position[mobile], strict=True):
+        c, s = np.cos(angle), np.sin(angle)
+        bars.append(shapely.Polygon(place + size * outline @ np.array([[c, s], [-s, c]])))
+    pairs = itertools.combinations(bars, 2)
+    cut = max(one.intersection(other).area for one, other in pairs)
+    assert cut < 1e-6 * params.diameter**2
 
 
 @pytest.mark.parametrize(

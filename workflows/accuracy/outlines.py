@@ -37,10 +37,7 @@ def polygons(params: Params, corner_radius: float = 0.05) -> shape_roughness.Par
 def layer_cost(params: Params, shapes: Sequence[Any]) -> tuple[float, float, float]:
     """(seconds for one grain and step, step over the inertial time, friction) of a sheared layer of these shapes."""
     of_run = shear_gouge.Params.model_validate(LAYER | {"shape": "angular", "seed": params.seed})
-    scene = shear_gouge.build(of_run)
-    mobile = scene.platen_index < 0
-    scene.shapes = [scene.shapes[0], *shapes]
-    scene.shape_index = np.where(mobile, 1 + np.arange(len(mobile)) % len(shapes), 0)
+    scene = shear_gouge.build(of_run, shapes=shapes)
     with tempfile.TemporaryDirectory() as out:
         dataset = shear_gouge.simulate(scene, of_run, out)
         friction = number(shear_gouge.analyse(dataset, of_run)["friction_mean"])

@@ -1,6 +1,6 @@
 """The mobile grains of a gouge layer before consolidation: dense or loose, whole or breakable."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -79,6 +79,7 @@ def whole_grains(
     platens: "Platens",
     shapes: "list[GrainShape]",
     progress: Progress | None = None,
+    given: "Sequence[GrainShape]" = (),
 ) -> MobileGrains:
     """Whole grains between the platens, without bonds.
 
@@ -92,9 +93,13 @@ def whole_grains(
         Shapes that come first in the table; discs and spheres use the first of them.
     progress
         Takes a report after each shape that is made.
+    given
+        Shapes of the grains in place of random angular ones, of equivalent diameter 1.
     """
     p = params
-    if p.shape == "angular":
+    if given:
+        shapes = [*shapes, *given]
+    elif p.shape == "angular":
         angular = lsm.shapes.random_angular_shapes if p.dim == 2 else lsm.shapes.random_angular_polyhedra
         with in_terms_of(f"--corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"):
             kinds = min(count, SHAPES[p.dim])

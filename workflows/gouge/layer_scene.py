@@ -16,6 +16,8 @@ from workflows.gouge.initial_grains import breakable_grains, initial_orientation
 from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, SPRINGS, Params
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from taichi_lsm.effects import Effect
     from taichi_lsm.shapes import GrainShape
 
@@ -98,8 +100,18 @@ def _check_count(p: Params) -> None:
         )
 
 
-def build(params: Params, progress: Progress | None = None) -> lsm.Scene:
-    """The scene before consolidation: bottom platen, mobile grains, top platen; `progress` takes reports on shapes.
+def build(params: Params, progress: Progress | None = None, shapes: Sequence[GrainShape] = ()) -> lsm.Scene:
+    """The scene before consolidation: bottom platen, mobile grains, top platen.
+
+    Parameters
+    ----------
+    params
+        Of the layer.
+    progress
+        Takes reports on the shapes that are made.
+    shapes
+        Shapes of whole angular grains, of equivalent diameter 1, in place of random ones. They are packed as they are:
+        grains whose shapes are changed after `build` may overlap.
 
     Raises
     ------
@@ -114,8 +126,10 @@ def build(params: Params, progress: Progress | None = None) -> lsm.Scene:
     one = lsm.disc() if dim == 2 else lsm.sphere()
     smallest, largest = p.platen_roughness * p.smallest_diameter, p.platen_roughness * p.largest_diameter
     low, high = (lsm.rough_platen(rng, smallest, largest, lengths, dim) for _ in range(2))
-    make = breakable_grains if p.breakable else whole_grains
-    grains = make(p, rng, mobile_count(p), (low, high), [one], progress)
+    if p.breakable:
+        grains = breakable_grains(p, rng, mobile_count(p), (low, high), [one], progress)
+    else:
+        grains = whole_grains(p, rng, mobile_count(p), (low, high), [one], progress, shapes)
     position = np.concatenate([grains.position, low[0], high[0]])
     first_low, first_high = len(grains.position), len(grains.position) + len(low[0])
     position[first_low:first_high, 1] += grains.platen_heights[0]
