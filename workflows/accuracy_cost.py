@@ -23,7 +23,7 @@ from workflows.accuracy import Trial, collisions, gas, gouge, outlines, prices
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import Progress, in_fresh_process
+from workflows.common.parallel_runs import Progress, fresh_processes, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
 from workflows.common.run_folder import Existing, run_folder
@@ -111,7 +111,7 @@ class Params(BaseParams):
             "shape_turns": 1,
             "impacts": 4,
             "patches": [12, 30],
-            "discs": [12],
+            "discs": [],
             "corners": [],
             "long_shapes": ["round"],
             "parameters": ["stiffness_number"],
@@ -184,11 +184,14 @@ def check(params: Params) -> None:
 def numerical(params: Params, report: Report) -> list[Trial]:
     """Trials of integrators, steps, precision, force law and skin."""
     trials = []
-    for force_law in collisions.FORCE_LAWS:
-        trials += in_fresh_process(collisions.measure_collisions, params, force_law)
-        report("collisions", f"{force_law} force law")
-    trials += in_fresh_process(collisions.measure_rack, params)
-    report("rack", "ten discs")
+    with fresh_processes(2) as pool:  # side by side, as they are not timed
+        of_pairs = {law: pool.submit(collisions.measure_collisions, params, law) for law in collisions.FORCE_LAWS}
+        of_rack = pool.submit(collisions.measure_rack, params)
+        for force_law, future in of_pairs.items():
+            trials += future.result()
+            report("collisions", f"{force_law} force law")
+        trials += of_rack.result()
+        report("rack", "ten discs")
     of_gas = in_fresh_process(gas.measure_gas, params, "first") + in_fresh_process(gas.measure_gas, params, "second")
     report("gas", f"{params.gas_grains} grains of arcs")
     of_f32 = in_fresh_process(gas.measure_gas, params, "single", "f32")

@@ -91,8 +91,8 @@ class Params(shear_gouge.Params):
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
             "layer_thickness": 10.0,
-            "length": 20.0,
-            "inertial_number": 2e-3,
+            "length": 16.0,
+            "inertial_number": 1e-2,
             "strain": 2.0,
             "steady_from": 0.5,
             "replicas": 2,

@@ -58,7 +58,7 @@ class Params(BaseParams):
     kinds: list[str] = Field(default=[], description="kinds of cases, the files of workflows/hard; empty: all of them")
 
     presets: ClassVar[dict[str, dict]] = {
-        "smoke": {"runs": "short"},
+        "smoke": {"runs": "short", "kinds": ["steps"]},
         "demo": {"runs": "short"},
         "standard": {},
         "reference": {},

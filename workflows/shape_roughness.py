@@ -7,8 +7,10 @@ polygon, and sheared in the same layer.
 
 from __future__ import annotations
 
+import functools
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -51,6 +53,7 @@ COLUMNS = (
 
 
 FRICTION = ("friction_mean", "friction_se", "friction_ess")
+FIT = 0.03  # time to fit an outline, per disc [s]
 
 
 class Params(BaseParams):
@@ -60,8 +63,17 @@ class Params(BaseParams):
         default=0.05, ge=0.02, le=0.25, description="corner radius of the polygons [equivalent diameters]"
     )
     outlines: int = Field(default=4, ge=1, le=100, description="different polygons [1]")
+    most_elements: int = Field(
+        default=COUNTS[-1],
+        ge=30,
+        le=COUNTS[-1],
+        description="most patches or discs per grain whose outlines are fitted [1]",
+    )
     most_sheared: int = Field(
-        default=60, ge=12, le=COUNTS[-1], description="most patches or discs per grain of which layers are sheared [1]"
+        default=60,
+        ge=12,
+        le=COUNTS[-1],
+        description="most of those fitted of which layers are sheared [1]",
     )
     layer_thickness: float = Field(default=12.0, ge=8, le=1e4, description="thickness of the layer [mean diameters]")
     length: float = Field(default=14.0, ge=6, le=1e5, description="periodic length along the shear [mean diameters]")
@@ -71,11 +83,12 @@ class Params(BaseParams):
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
             "outlines": 1,
+            "most_elements": 30,
             "most_sheared": 12,
             "layer_thickness": 8.0,
             "length": 8.0,
             "strain": 1.2,
-            "inertial_number": 1e-2,
+            "inertial_number": 2e-2,
         },
         "demo": {"most_sheared": 30, "layer_thickness": 10.0, "length": 10.0, "strain": 2.0},
         "standard": {},
@@ -95,13 +108,23 @@ def check(params: Params) -> None:
 
 
 def estimate(params: Params) -> RunCost:
-    """Expected steps, time and memory of the layers, which run one after the other."""
-    layers = 2 * sum(elements <= params.most_sheared for elements in COUNTS)
-    return of_replicas([shear_gouge.estimate(layer_params(params))] * layers, 1)
+    """Expected steps, time and memory of the fits and of the layers, which run one after the other."""
+    layers = of_replicas([shear_gouge.estimate(layer_params(params))] * (2 * len(sheared_counts(params))), 1)
+    return replace(layers, seconds=layers.seconds + FIT * params.outlines * sum(counts(params)))
+
+
+def counts(params: Params) -> list[int]:
+    """Patches or discs per grain whose outlines are fitted [1]."""
+    return [count for count in COUNTS if count <= params.most_elements]
+
+
+def sheared_counts(params: Params) -> list[int]:
+    """Those of which layers are sheared [1]."""
+    return [count for count in counts(params) if count <= params.most_sheared]
 
 
 def layer_params(params: Params) -> shear_gouge.Params:
-    """Parameters of the sheared layers, whose shapes are replaced afterwards."""
+    """Parameters of the sheared layers, whose grains get other shapes."""
     return checked(
         shear_gouge.Params,
         shape="angular",
@@ -147,6 +170,13 @@ def patch_shape(vertices: NDArray, elements: int, corner_radius: float) -> Any:
     )
 
 
+@functools.lru_cache(maxsize=32)
+def clump_shape(params: Params, which: int, elements: int) -> Any:
+    """Polygon number `which` as a clump of equal discs; remembered, as a fit takes seconds; not rescaled."""
+    vertices, _ = polygons(params)[which]
+    return lsm.shapes.equal_clump(patch_shape(vertices, 120, params.corner_radius), elements)
+
+
 def deviation(outline: NDArray, body: shapely.Polygon) -> tuple[float, float]:
     """(greatest, rms) distance of the closed outline (k, 2) from that of the shapely body, centroids laid together."""
     import shapely
@@ -165,13 +195,13 @@ def shapes_of(params: Params, kind: str, elements: int) -> tuple[list[Any], floa
     import shapely
 
     shapes, errors = [], []
-    for vertices, body in polygons(params):
+    for which, (vertices, body) in enumerate(polygons(params)):
         exact = patch_shape(vertices, 120, params.corner_radius)
         if kind == "patches":
             shape = patch_shape(vertices, elements, params.corner_radius)
             outline = shape.outline(4000)
         else:
-            shape = lsm.shapes.equal_clump(exact, elements)
+            shape = clump_shape(params, which, elements)
             discs = shapely.buffer(shapely.points(shape.centre), shape.radius, quad_segs=64)
             outline = shapely.get_coordinates(shapely.get_exterior_ring(shapely.union_all(discs)))
         errors.append(deviation(outline, body))
@@ -217,19 +247,19 @@ def measure(
 def _measure(params: Params, out: Path, parts: FinishedParts, rows: Rows, progress: Progress | None) -> None:
     """Add the rows one by one."""
     for kind in ("patches", "clump"):
-        for elements in COUNTS:
+        for elements in counts(params):
             label = f"{kind}-{elements}"
             known = parts.get(label)
             if known is not None:
                 rows.append(known)
                 continue
             if progress:
-                sheared = " and shearing a layer" if elements <= params.most_sheared else ""
+                sheared = " and shearing a layer" if elements in sheared_counts(params) else ""
                 progress({"label": label, "state": f"fitting outlines{sheared}"})
             _, error, roughness = shapes_of(params, kind, elements)
             row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
             values = dict.fromkeys((*FRICTION, "cost"), np.nan)
-            if elements <= params.most_sheared:
+            if elements in sheared_counts(params):
                 values = in_fresh_process(shear, params, kind, elements, out / "runs" / label)
             rows.append(parts.put(label, row | values))
             if progress:
@@ -243,11 +273,11 @@ def analyse(rows: Rows) -> dict[str, Metric]:
         return np.array([r[name] for r in rows if r["kind"] == kind])
 
     metrics = {}
-    at = COUNTS.index(30)
+    elements = column("patches", "elements")
+    at = list(elements).index(30)
     for kind in ("patches", "clump"):
         metrics[f"shape_error_{kind}_30"] = Metric(float(column(kind, "shape_error")[at]), "1")
         metrics[f"roughness_{kind}_30"] = Metric(float(column(kind, "roughness")[at]), "1")
-    elements = np.array(COUNTS, float)
     slope, offset = np.polyfit(np.log(elements), np.log(column("clump", "shape_error")), 1)
     needed = float(np.exp((np.log(metrics["shape_error_patches_30"].value) - offset) / slope))
     metrics["discs_at_equal_error"] = Metric(needed, "1")
@@ -258,7 +288,7 @@ def analyse(rows: Rows) -> dict[str, Metric]:
     metrics["cost_ratio_equal_error"] = Metric(float(np.polyval(per_disc, needed) / cost), "1")
     last = int(np.flatnonzero(known)[-1])
     for kind in ("patches", "clump"):
-        name = f"friction_{kind}_{COUNTS[last]}"
+        name = f"friction_{kind}_{elements[last]}"
         one_run = (column(kind, of_friction)[[last]] for of_friction in FRICTION)
         metrics |= metrics_of_estimate(name, f"{name}_se", lsm.statistics.combine_replicas(*one_run))
     return metrics
@@ -314,7 +344,7 @@ def example_outlines(params: Params) -> tuple[NDArray, NDArray]:
     import shapely
 
     vertices, _ = polygons(params)[0]
-    clump = lsm.shapes.equal_clump(patch_shape(vertices, 120, params.corner_radius), 30)
+    clump = clump_shape(params, 0, 30)
     discs = shapely.union_all(shapely.buffer(shapely.points(clump.centre), clump.radius, quad_segs=64))
     chain = patch_shape(vertices, 30, params.corner_radius).outline(2000)
     return shapely.get_coordinates(shapely.get_exterior_ring(discs)), chain

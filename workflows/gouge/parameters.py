@@ -144,10 +144,10 @@ class Params(BaseParams):
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {
-            "length": 20.0,
-            "layer_thickness": 12.0,
+            "length": 16.0,
+            "layer_thickness": 10.0,
             "width": 4.0,
-            "inertial_number": 5e-3,
+            "inertial_number": 1e-2,
             "strain": 2.0,
             "step_safety": 0.6,
         },
