@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from workflows import shear_gouge
-from workflows.accuracy import Trial, collisions, gas, gouge, outlines, prices
+from workflows.accuracy import Trial, collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
@@ -239,7 +239,7 @@ def physical(params: Params, out: Path, report: Report) -> tuple[list[Trial], li
         if params.long_strain and shape in params.long_shapes:
             of_strain, row = gouge.measure_strain(params, shape, out / "runs", usual)
             trials += of_strain
-            rows.append(row | prices.measure(shape, out / "runs") | gouge.of_steps(params, found))
+            rows.append(row | gouge.of_steps(params, found))
             report("layers", f"{shape}, strain and seeds")
     return trials, rows
 

@@ -117,24 +117,19 @@ def costs_of(found: dict[Any, Any]) -> dict[tuple[str, float], float]:
 
 
 def of_steps(params: Params, found: dict[Any, Any]) -> dict[str, dict[str, float]]:
-    """Entries of time steps in the table for target errors: bias of the friction, and cost over that of the usual step.
+    """Entries of time steps in the table for target errors: bias of the friction.
 
     The usual step counts as unbiased, as a quarter of it gives the same friction within the errors. The bias of the
     longer one is the difference from the shortest, or the standard error of this difference if that is larger.
     """
     base, seeds = shear_gouge.Params().step_safety, seeds_of(params)
     if ("step_safety", PARAMETERS["step_safety"][0], params.seed) not in found:
-        return {"bias_of_step": {f"{base:g}": 0.0}, "cost_of_step": {f"{base:g}": 1.0}}
+        return {"bias_of_step": {f"{base:g}": 0.0}}
     coarse, finest = PARAMETERS["step_safety"][0], PARAMETERS["step_safety"][-1]
     means = {s: np.array([found["step_safety", s, seed]["friction"] for seed in seeds]) for s in (coarse, finest)}
     apart = abs(float(means[coarse].mean() - means[finest].mean()))
     error = float(np.sqrt(sum(m.var(ddof=1) for m in means.values()) / len(seeds)))
-    bias = max(apart, error)
-    cost = {s: costs_of(found)["step_safety", s] for s in (coarse, base)}
-    return {
-        "bias_of_step": {f"{coarse:g}": bias, f"{base:g}": 0.0},
-        "cost_of_step": {f"{coarse:g}": cost[coarse] / cost[base], f"{base:g}": 1.0},
-    }
+    return {"bias_of_step": {f"{coarse:g}": max(apart, error), f"{base:g}": 0.0}}
 
 
 def seeds_of(params: Params) -> range:
@@ -217,19 +212,16 @@ def measure_strain(params: Params, shape: str, out: Path, usual: float) -> tuple
 
 
 def row_of_table(of_run: shear_gouge.Params, folders: Sequence[Path], series: Series) -> dict[str, Any]:
-    """Variances of the layer `of_run`, from which target errors are planned; `prices.measure` adds its price."""
+    """Variances of the layer `of_run`, from which target errors are planned."""
     between, within = variance_law(series)
     thickness, lengths = of_run.layer
     area = thickness * np.prod(lengths) / of_run.diameter ** (1 + len(lengths))
-    dataset = lsm.open_run(folders[0] / "grains.nc")
-    grains = int((dataset.kind.values == 0).sum())
     return {
         "shape": of_run.shape,
         "dim": of_run.dim,
         "stiffness_number": of_run.stiffness_number,
         "inertial_number": of_run.inertial_number,
         "area": float(area),
-        "grains_per_area": grains / float(area),
         "between_seeds": between,
         "times_strain": within,
         "runs": len(folders),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import argparse
+from collections.abc import Iterator, Sequence
 
 from workflows import shear_gouge
+from workflows.accuracy.commands import as_command
 from workflows.common.parameters import merge
+from workflows.common.run_cost import duration
 from workflows.gouge import target_error
 
 TARGETS = (0.03, 0.02, 0.01, 0.007)
@@ -27,15 +30,20 @@ def target_rows() -> Iterator[tuple[float, str, float, float, int, float]]:
             yield target, shape, plan.step_safety, plan.strain, plan.seeds, plan.expected_seconds
 
 
-def main() -> None:
+def main(argv: Sequence[str] | None = None) -> None:
     """Print both tables."""
+    argparse.ArgumentParser(
+        prog="python -m workflows.accuracy.presets",
+        description="Prints, as Markdown, the error and the time that one run of each preset of lsm shear-gouge is "
+        "expected to have in 2D, and the plans for a few target errors. Nothing is run; there are no options.",
+    ).parse_args(argv)
     print("| preset | shape | strain | expected error, 95 % | expected time |\n|---|---|---|---|---|")
     for preset, shape, strain, error, seconds in preset_rows():
-        print(f"| {preset} | {shape} | {strain:g} | {error:.4f} | {seconds:.0f} s |")
+        print(f"| {preset} | {shape} | {strain:g} | {error:.4f} | {duration(seconds)} |")
     print("\n| target error | shape | step | strain | runs | expected time |\n|---|---|---|---|---|---|")
     for target, shape, step, strain, seeds, seconds in target_rows():
-        print(f"| {target:g} | {shape} | {step:g} | {strain:g} | {seeds} | {seconds:.0f} s |")
+        print(f"| {target:g} | {shape} | {step:g} | {strain:g} | {seeds} | {duration(seconds)} |")
 
 
 if __name__ == "__main__":
-    main()
+    as_command(main)

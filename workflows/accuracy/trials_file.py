@@ -69,8 +69,10 @@ def write_trials(path: Path, trials: Sequence[Trial], attributes: dict[str, Any]
 
 
 def read_trials(path: Path) -> list[Trial]:
-    """The trials of accuracy.nc, as they were written but for their order."""
+    """The trials of accuracy.nc, as they were written but for their order; InputError for a file of something else."""
     table = lsm.open_run(path)
+    if "quantity_name" not in table.coords:
+        raise lsm.InputError(f"{path}: holds no trials, must be an accuracy.nc that lsm accuracy-cost wrote")
     quantities, parameters = table.quantity_name.values, table.parameter_name.values
     trials = []
     for q, k, s, r in np.argwhere(~np.isnan(table.error.values)):

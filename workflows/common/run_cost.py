@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 LONG = 86_400.0  # [s]: what is expected to take more needs --yes
+PROCESS_BYTES = 4e8  # of a process with its compiled kernels, before the grains
 MUCH = 0.5  # share of the machine's memory, likewise
 
 
@@ -34,10 +35,11 @@ class RunCost:
 
 def of_replicas(costs: Sequence[RunCost], at_a_time: int) -> RunCost:
     """Cost of several runs, `at_a_time` of them at once on a processor core each."""
-    together = min(at_a_time, len(costs), os.cpu_count() or 1)
+    free = [0.0] * min(at_a_time, len(costs), os.cpu_count() or 1)  # when each core has ended its runs [s]
+    for cost in costs:
+        free[free.index(min(free))] += cost.seconds
     largest = sorted((cost.memory for cost in costs), reverse=True)[:at_a_time]
-    seconds = max(sum(cost.seconds for cost in costs) / together, *(cost.seconds for cost in costs))
-    return RunCost(sum(cost.steps for cost in costs), seconds, sum(largest))
+    return RunCost(sum(cost.steps for cost in costs), max(free), sum(largest))
 
 
 def duration(seconds: float) -> str:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import functools
+import json
+
 import numpy as np
 
-from workflows.common.run_cost import RunCost
+import taichi_lsm as lsm
+from workflows.common.run_cost import PROCESS_BYTES, RunCost
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.layer_scene import LARGEST_SPEED, effects_of, mobile_count, stand_in
 from workflows.gouge.parameters import Params
 
-# By shape and dimension: time per grain and step, the inverse of `grain_steps_per_second` in summary.json, and time to
-# make the shapes and to compile [s].
-GRAIN_STEP = {("round", 2): 40e-9, ("angular", 2): 110e-9, ("round", 3): 90e-9, ("angular", 3): 500e-9}
-START = {("round", 2): 8.0, ("angular", 2): 25.0, ("round", 3): 10.0, ("angular", 3): 50.0}
-PROCESS_BYTES = 4e8  # of a process with its compiled kernels, before the grains
+TABLE = "layer_costs.json"  # made by workflows/accuracy/prices.py
 GRAIN_BYTES = {("round", 2): 1.2e3, ("angular", 2): 2.0e3, ("round", 3): 1.5e3, ("angular", 3): 4.0e3}
 SHAPED_STEP = {"whole": 0.85, "breakable": 0.65}  # step of angular grains over that of the squares that stand in
 CELL = 1.1  # of the lattice on which the loose grains lie, in the largest of their bounding diameters
@@ -23,8 +23,15 @@ REACH = {"round": 1.0, "angular": 1.35}  # bounding diameter of the largest grai
 SETTLING = {("round", 2): 13.0, ("angular", 2): 29.0, ("round", 3): 15.0, ("angular", 3): 55.0}
 
 
+@functools.cache
+def price_of(shape: str, dim: int) -> dict[str, float]:
+    """Measured seconds of the start, per grain and step, and per grain and unit of strain [s]."""
+    rows = json.loads(lsm.data_path(TABLE).read_text(encoding="utf-8"))["rows"]
+    return next(row for row in rows if (row["shape"], row["dim"]) == (shape, dim))
+
+
 def layer_cost(params: Params) -> RunCost:
-    """Expected steps, time and memory of one run of a layer."""
+    """Expected steps, time and memory of one run of a layer; the time is that of a first run, which compiles."""
     p, shape = params, "angular" if params.shape == "angular" else "round"
     kind = (shape, p.dim)
     thickness, lengths = p.layer
@@ -36,7 +43,9 @@ def layer_cost(params: Params) -> RunCost:
         fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
     steps = p.inertial_time * (fall + SETTLING[kind] + p.strain / p.inertial_number) / dt
     grains = mobile_count(p) * (p.pieces if p.breakable else 1)
-    seconds = START[kind] + GRAIN_STEP[kind] * grains * steps
+    price = price_of(*kind)
+    per_grain = price["grain_step_seconds"] * steps + price["grain_strain_seconds"] * p.strain
+    seconds = price["start_seconds"] + grains * per_grain
     return RunCost(steps, seconds, PROCESS_BYTES + GRAIN_BYTES[kind] * grains)
 
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.common.run_cost import of_replicas
+from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.parameters import Params
 
 TABLE = "friction_errors.json"
@@ -32,7 +34,7 @@ class Plan:
     expected_error
         Half-width of the 95 % interval of the mean friction [1].
     expected_seconds
-        Wall-clock time with two runs at a time, one core each [s].
+        Wall-clock time, at most two runs at a time, one core each [s].
     """
 
     step_safety: float
@@ -67,13 +69,10 @@ def half_width(row: dict[str, Any], params: Params, steady: float, seeds: int, s
     return float(CAUTION * NORMAL * np.sqrt(variance / seeds) + row["bias_of_step"][step])
 
 
-def seconds(row: dict[str, Any], params: Params, steady: float, seeds: int, step: str) -> float:
-    """Seconds of `seeds` runs, two at a time: a start, consolidation and shear."""
-    stiff = np.sqrt(params.stiffness_number / row["stiffness_number"]) * row["inertial_number"] / params.inertial_number
-    per_strain = row["seconds_per_grain_strain"] * row["cost_of_step"][step] * stiff
-    grains = row["grains_per_area"] * area_of(params)
-    run = row["start_seconds"] + per_strain * grains * (params.steady_from + steady)
-    return float(run * np.ceil(seeds / 2))
+def seconds(params: Params, strain: float, seeds: int, step: str) -> float:
+    """Seconds of `seeds` runs to this strain, two at a time; step: a key of the table."""
+    run = params.model_copy(update={"strain": strain, "step_safety": float(step)})
+    return of_replicas([layer_cost(run)] * seeds, 2).seconds
 
 
 def plan(params: Params, target_error: float) -> Plan:
@@ -88,7 +87,7 @@ def plan(params: Params, target_error: float) -> Plan:
             if steady is not None:
                 error = half_width(row, params, steady, seeds, step)
                 strain = round(params.steady_from + float(steady), 2)
-                plans.append(Plan(float(step), strain, seeds, error, seconds(row, params, steady, seeds, step)))
+                plans.append(Plan(float(step), strain, seeds, error, seconds(params, strain, seeds, step)))
     if not plans:
         least = min(half_width(row, params, STRAINS[-1], MOST_SEEDS, step) for step in row["bias_of_step"])
         raise lsm.InputError(
@@ -103,7 +102,7 @@ def expected(params: Params) -> tuple[float, float]:
     row = table_of(params.shape, params.dim)
     step = min(row["bias_of_step"], key=lambda s: abs(float(s) - params.step_safety))
     steady = params.strain - params.steady_from
-    return half_width(row, params, steady, 1, step), seconds(row, params, steady, 1, step)
+    return half_width(row, params, steady, 1, step), layer_cost(params).seconds
 
 
 def reached(row: dict[str, Any], params: Params, means: Sequence[float], errors: Sequence[float], step: str) -> float:

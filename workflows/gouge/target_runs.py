@@ -91,7 +91,7 @@ def _run_to_target(
         "seeds": Metric(plan.seeds, "1"),
         "strain": Metric(plan.strain, "1"),
         "step_safety": Metric(plan.step_safety, "1"),
-        "expected_seconds": Metric(plan.expected_seconds, "s", note="wall-clock time on two idle cores"),
+        "expected_seconds": Metric(plan.expected_seconds, "s", note="wall-clock time on idle cores"),
         **watch.metrics(),
     }
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)

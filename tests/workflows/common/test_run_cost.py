@@ -21,6 +21,11 @@ def test_more_runs_than_cores_take_turns(monkeypatch):
     assert of_replicas([ONE] * 8, 8) == RunCost(8e6, 240.0, 8e9)
 
 
+def test_a_run_that_is_left_over_takes_its_own_time(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    assert of_replicas([ONE] * 3, 2).seconds == 120.0
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"), [(40.4, "40 s"), (700.0, "12 min"), (10_800.0, "3 h"), (172_800.0, "2 days")]
 )
