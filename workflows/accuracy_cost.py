@@ -21,11 +21,13 @@ from pydantic import Field, model_validator
 from workflows import shear_gouge
 from workflows.accuracy import Trial, collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
+from workflows.accuracy.total_cost import total_cost
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
+from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import attributes_of
 from workflows.common.stopwatch import Stopwatch
@@ -179,6 +181,11 @@ def check(params: Params) -> None:
     for shape in dict.fromkeys(params.shapes + params.long_shapes):
         for seed in (params.seed, last):
             shear_gouge.check(gouge.layer(params, shape, seed))
+
+
+def estimate(params: Params) -> RunCost:
+    """Expected steps, time and memory of all measurements."""
+    return total_cost(params)
 
 
 def numerical(params: Params, report: Report) -> list[Trial]:

@@ -23,9 +23,11 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle, in_terms_of
+from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.common.stopwatch import Stopwatch
+from workflows.energy.gas_runs import CONES, LEVELS, SCHEMES, gas_cost, runs_of, schemes_of
 from workflows.plots.energy_figure import plot_energy
 
 if TYPE_CHECKING:
@@ -41,19 +43,11 @@ DRIFTS = (  # what to change where a claim about the energy does not hold
     "gases scatter: use --preset standard, --precision f64"
 )
 NO_ORDER = "too few collisions to show the order of the errors: raise --grains or --steps"
-LEVELS = (50, 71, 100, 141, 200, 283, 400)  # steps per contact, for the order
 TERMS = ("translational_energy", "rotational_energy", "elastic_energy")
-SCHEMES = {  # by name: importing a workflow must not start Taichi
-    "onset_verlet": "OnsetVerlet",
-    "velocity_verlet": "VelocityVerlet",
-    "symplectic_euler": "SymplecticEuler",
-    "explicit_euler": "ExplicitEuler",
-}
 ORDERS = {  # name of the metric of each scheme; orders are measured in 2D
     2: {"velocity_verlet": "order", "onset_verlet": "order_onset", "symplectic_euler": "order_euler"},
     3: {},
 }
-CONES = {"cones": 0.0, "cones_that_miss_seams": 1.0}  # general patches with the default integrator, in missed seams
 
 
 Series = dict[str, NDArray]  # time [s] and energies [J] of the samples of a run
@@ -135,6 +129,11 @@ def check(params: Params) -> None:
     check_idle(params)
     if params.dim == 2 and params.order_grains <= MOST_PROBED:
         build(params, params.order_grains, params.seed, 50, "onset_verlet", "--order-grains")
+
+
+def estimate(params: Params) -> RunCost:
+    """Expected steps, time and memory of all runs, two schemes at a time."""
+    return gas_cost(params)
 
 
 def build(
@@ -256,28 +255,12 @@ def root_mean_square(values: Sequence[float]) -> float:
 
 def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
     """All runs of one scheme: (rows, series), see `measure`."""
-    p, rows, series = params, [], []
-    gas = Gas(p, scheme)
-
-    def add(purpose, grains, seed, per_contact, steps):
-        energies = gas.run(grains, seed, per_contact, steps)
-        row = {"scheme": scheme, "purpose": purpose, "grains": grains, "seed": seed, "steps": steps}
-        row |= {"steps_per_contact": per_contact, "drift": drift(energies), "shadow_drift": drift(energies, True)}
-        rows.append(row)
+    gas, rows, series = Gas(params, scheme), [], []
+    for run in runs_of(params, scheme):
+        energies = gas.run(run.grains, run.seed, run.steps_per_contact, run.steps)
+        drifts = {"drift": drift(energies), "shadow_drift": drift(energies, True)}
+        rows.append({"scheme": scheme, **run._asdict(), **drifts})
         series.append(energies)
-
-    if scheme in CONES:  # a plateau: over equal times the drift hardly falls with the step
-        for per_contact in (50, 100, 200):
-            add("plateau", p.order_grains, p.seed, per_contact, p.steps // 2 * per_contact // 50)
-        return rows, series[0]
-    for per_contact in (50, 100):
-        for seed in range(p.seed, p.seed + (p.seeds if scheme != "explicit_euler" else 1)):
-            add("drift", p.grains, seed, per_contact, p.steps)
-    if scheme == "onset_verlet":
-        add("long", p.grains, p.seed, 50, p.long_steps)
-    for per_contact in LEVELS if scheme != "explicit_euler" and p.dim == 2 else ():
-        for seed in range(p.seed, p.seed + p.order_seeds):
-            add("order", p.order_grains, seed, per_contact, p.steps // 2 * per_contact // 50)
     return rows, series[0]
 
 
@@ -291,7 +274,7 @@ def measure(
     signal that came before all schemes were done, or None.
     """
     rows, series = [], {}
-    schemes = [*SCHEMES, *CONES] if params.dim == 2 else list(SCHEMES)
+    schemes = schemes_of(params)
     try:
         with fresh_processes(2) as pool:
             waiting = {scheme: pool.submit(measure_scheme, params, scheme) for scheme in schemes}

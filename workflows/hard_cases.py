@@ -21,6 +21,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress, fresh_processes
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest
+from workflows.common.run_cost import PROCESS_BYTES, RunCost, of_replicas
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
@@ -30,6 +31,9 @@ from workflows.plots.hard_cases import plot_cases
 if TYPE_CHECKING:
     import xarray
 
+# Steps and time of a case [s], the mean over all of them, with compiling; and the start of a process [s].
+OF_CASE = {"full": (5e5, 10.0), "short": (1.5e4, 1.9)}
+PROCESS = 2.0
 STATUS = ("passed", "failed", "excepted")
 TEXTS = {
     "case": "name of the case",
@@ -74,6 +78,18 @@ def check(params: Params) -> None:
         )
 
 
+def estimate(params: Params) -> RunCost:
+    """Expected steps, time and memory of all cases, two processes at a time."""
+    steps, seconds = OF_CASE[params.runs]
+    cases = [len(cases_of(kind)) for kind in params.kinds or modules() for _ in precisions_of(params)]
+    return of_replicas([RunCost(steps * n, PROCESS + seconds * n, PROCESS_BYTES) for n in cases], 2)
+
+
+def precisions_of(params: Params) -> tuple[str, ...]:
+    """Floating-point types in which the cases run."""
+    return ("f64", "f32") if params.precision == "both" else (params.precision,)
+
+
 def run_kind(kind: str, precision: str, short: bool) -> Rows:
     """Rows, one dict per case, of all cases of a file; to be called in a process of its own."""
     bench, rows = Bench(precision, short), []
@@ -104,10 +120,9 @@ def margin(value: float, bound: float) -> float:
 
 def measure(params: Params, progress: Progress | None = None) -> Rows:
     """Rows of all cases in all precisions, by file, two processes at a time."""
-    precisions = ("f64", "f32") if params.precision == "both" else (params.precision,)
     kinds, rows = params.kinds or modules(), []
     with fresh_processes(2) as pool:
-        jobs = [(kind, p) for kind in reversed(kinds) for p in precisions]
+        jobs = [(kind, p) for kind in reversed(kinds) for p in precisions_of(params)]
         waiting = {job: pool.submit(run_kind, *job, params.runs == "short") for job in jobs}
         for (kind, precision), future in waiting.items():
             own = future.result()

@@ -1,6 +1,8 @@
 """What every workflow must offer, whatever it computes; a new file is tested without being named here."""
 
 import inspect
+import itertools
+import math
 import pickle
 import re
 import tomllib
@@ -17,6 +19,7 @@ from workflows.common import parallel_runs
 from workflows.common.former_names import FORMER
 from workflows.common.parameter_types import choices
 from workflows.common.parameters import Params, merge, to_toml
+from workflows.common.run_cost import RunCost
 
 WORKFLOWS = find_workflows()
 PRESETS = ("smoke", "demo", "standard", "reference")
@@ -99,6 +102,15 @@ def test_former_names_are_gone_and_what_they_are_called_now_is_there():
 
 def test_what_can_be_refused_before_a_run_is_refused_by_its_check(module):
     assert list(inspect.signature(module.check).parameters) == ["params"]
+
+
+def test_what_a_run_takes_is_foreseen_for_every_preset(module):
+    assert list(inspect.signature(module.estimate).parameters) == ["params"]
+    costs = [module.estimate(merge(module.Params, preset)) for preset in PRESETS]
+    for cost in costs:
+        numbers = (cost.steps, cost.seconds, cost.memory)
+        assert isinstance(cost, RunCost) and all(0.0 < number < math.inf for number in numbers)
+    assert all(less.seconds <= more.seconds for less, more in itertools.pairwise(costs))  # in the order of PRESETS
 
 
 def test_every_number_is_described_with_its_unit(module):

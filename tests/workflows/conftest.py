@@ -20,6 +20,7 @@ from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import signals
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.run_cost import RunCost
 
 
 REMEDY = "the layer is crushed: lower --normal-stress"
@@ -55,6 +56,14 @@ class Params(BaseParams):
         if self.dim == 3 and self.shape == "angular" and self.grains == 13:
             raise ValueError("13 angular grains do not fit in 3D")
         return self
+
+
+def check(params):
+    """Refuses nothing."""
+
+
+def estimate(params):
+    return RunCost(steps=1e3, seconds=2.0, memory=1e8)
 
 
 def run(params, out, progress=None, existing="refuse"):

@@ -17,6 +17,7 @@ from workflows.common.parameters import Params
 
 PLUGINS = "LSM_PLUGINS"
 RUN_TAKES = ("params", "out", "progress", "existing")
+HOOKS = ("check", "estimate")  # what a workflow must define beside Params and run
 HERE = Path(__file__).parents[1]
 
 
@@ -92,5 +93,10 @@ def find_workflows() -> dict[str, ModuleType]:
             raise DiscoveryError(f"{path}: Params must be a subclass of workflows.common.parameters.Params.")
         if list(inspect.signature(module.run).parameters) != list(RUN_TAKES):
             raise DiscoveryError(f"{path}: run must take {', '.join(RUN_TAKES)}, in this order.")
+        missing = [f"{hook}(params)" for hook in HOOKS if not callable(getattr(module, hook, None))]
+        if missing:
+            raise DiscoveryError(
+                f"{path}: {' and '.join(missing)} must be defined too, as under 'Add an experiment' in CONTRIBUTING.md."
+            )
         found[path.stem.replace("_", "-")] = module
     return found

@@ -87,10 +87,8 @@ def _cost_of(name: str, saved: dict[str, dict]) -> str:
 
 
 def print_presets(workflows: dict[str, ModuleType]) -> int:
-    """Print what every preset of a workflow that can say so is expected to take."""
+    """Print what every preset of every workflow is expected to take."""
     for name, module in sorted(workflows.items()):
-        if not hasattr(module, "estimate"):
-            continue
         print(f"{name}:")
         for preset in module.Params.presets:
             print(f"  {preset:10}{module.estimate(merge(module.Params, preset))}")

@@ -296,7 +296,6 @@ def execute(
     folder = Path("out") / name if out is None else Path(out)
     existing = "overwrite" if overwrite else existing
     problems, params = refusals(folder, existing), None
-    check, estimate = (getattr(module, hook, None) for hook in ("check", "estimate"))
     cost = None
     try:
         params = merge(module.Params, preset, config, options, name, _fields_of_others(module))
@@ -305,10 +304,9 @@ def execute(
         _complain([f"note: {text}" for text in params.notes])
         if params.arch != "cpu":
             _check_arch(params.arch)
-        if check:
-            check(params)
-        cost = estimate(params) if estimate else None
-        problems = (objections(cost, machine_memory()) if cost and not yes else []) + problems
+        module.check(params)
+        cost = module.estimate(params)
+        problems = ([] if yes else objections(cost, machine_memory())) + problems
     except InputError as error:
         problems = _problems_of(error) + problems
     if problems:

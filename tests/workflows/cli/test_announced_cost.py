@@ -11,7 +11,7 @@ COST = RunCost(steps=2.5e6, seconds=1200.0, memory=1.5e9)
 
 
 def test_what_a_run_takes_is_said_before_it_starts(toy, monkeypatch, capsys):
-    monkeypatch.setattr(toy, "estimate", lambda params: COST, raising=False)
+    monkeypatch.setattr(toy, "estimate", lambda params: COST)
     assert main(["toy-run", "--preset", "demo"]) == 0
     first, second, *rest = capsys.readouterr().out.splitlines()
     assert first == "toy-run, preset demo: checking, then writing to out/toy-run"
@@ -29,7 +29,7 @@ def test_what_a_run_takes_is_said_before_it_starts(toy, monkeypatch, capsys):
     ],
 )
 def test_what_takes_very_much_is_started_only_with_yes(toy, monkeypatch, tmp_path, capsys, cost, words):
-    monkeypatch.setattr(toy, "estimate", lambda params: cost, raising=False)
+    monkeypatch.setattr(toy, "estimate", lambda params: cost)
     monkeypatch.setattr("workflows.cli.main.machine_memory", lambda: 1e10)
     assert main(["toy-run"]) == 2
     assert words in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -42,6 +42,13 @@ def test_a_broken_plugin_is_named(plugins, text, words):
     assert str(broken) in str(caught.value) and words in str(caught.value)
 
 
+def test_a_workflow_without_its_hooks_is_named(plugins):
+    toy = plugins / "toy_run.py"
+    toy.write_text(toy.read_text().replace("def estimate(", "def cost("))
+    with pytest.raises(DiscoveryError, match=r"toy_run.py: estimate\(params\) must be defined too"):
+        find_workflows()
+
+
 def test_a_plugin_may_not_take_a_name_of_the_package(plugins):
     (plugins / "common.py").write_text((plugins / "toy_run.py").read_text())
     with pytest.raises(DiscoveryError, match="common is taken"):
