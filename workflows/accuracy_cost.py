@@ -11,7 +11,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
@@ -34,6 +34,7 @@ from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.parameters import Shape, round_grains
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
+from workflows.protocol.finished_parts import FinishedParts
 
 if TYPE_CHECKING:
     import xarray
@@ -308,10 +309,10 @@ def run(
     """
     check(params)
     with run_folder(params, "accuracy-cost", out, existing, keep_runs=True) as folder:
-        return _run(params, folder, progress)
+        return _run(params, folder, FinishedParts(folder, existing == "resume"), progress)
 
 
-def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset:
+def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
     watch = Stopwatch()
 
@@ -319,7 +320,10 @@ def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset
         if progress:
             progress({"label": label, "state": f"{state}, {watch.seconds:.0f} s"})
 
-    trials = numerical(params, report) + of_shapes(params, report)
+    trials = []
+    for name, measure in (("numerical", numerical), ("shapes", of_shapes)):
+        found = parts.made(name, lambda measure=measure: [asdict(trial) for trial in measure(params, report)])
+        trials += [Trial(**values) for values in found]
     of_layers, rows = physical(params, out, report)
     trials += of_layers
     attributes = attributes_of(params, np.nan, "Accuracy against cost", "Errors and costs of settings, by parameter.")
@@ -333,4 +337,5 @@ def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset
     metrics = analyse(trials)
     metrics |= watch.metrics()
     write_summary(out, "accuracy-cost", params.preset_name, metrics, quiet=progress is None)
+    parts.clear()
     return table

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows.cli import signals
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import Progress, fresh_processes
+from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.run_cost import RunCost
@@ -29,6 +29,7 @@ from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.energy.gas_runs import CONES, LEVELS, SCHEMES, gas_cost, runs_of, schemes_of
 from workflows.plots.energy_figure import plot_energy
+from workflows.protocol.finished_parts import FinishedParts
 
 if TYPE_CHECKING:
     import xarray
@@ -265,7 +266,7 @@ def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
 
 
 def measure(
-    params: Params, progress: Progress | None = None
+    params: Params, parts: FinishedParts, progress: Progress | None = None
 ) -> tuple[Rows, dict[str, Series], signals.Interrupted | None]:
     """Make all runs of the experiment, two schemes at a time, each in a process of its own.
 
@@ -276,15 +277,13 @@ def measure(
     rows, series = [], {}
     schemes = schemes_of(params)
     try:
-        with fresh_processes(2) as pool:
-            waiting = {scheme: pool.submit(measure_scheme, params, scheme) for scheme in schemes}
+        if progress:
+            progress({"state": f"making packings, compiling and running {len(schemes)} schemes, two at a time"})
+        calls = {scheme: (measure_scheme, params, scheme) for scheme in schemes}
+        for scheme, (own, series[scheme]) in parts.made_in_processes(calls):
+            rows += own
             if progress:
-                progress({"state": f"making packings, compiling and running {len(schemes)} schemes, two at a time"})
-            for scheme, future in waiting.items():
-                own, series[scheme] = future.result()
-                rows += own
-                if progress:
-                    progress({"label": scheme, "state": f"{len(own)} runs done"})
+                progress({"label": scheme, "state": f"{len(own)} runs done"})
     except signals.Interrupted as stop:
         return rows, series, stop
     return rows, series, None
@@ -340,13 +339,13 @@ def run(
     """
     check(params)
     with run_folder(params, "energy-conservation", out, existing) as folder:
-        return _run(params, folder, progress)
+        return _run(params, folder, FinishedParts(folder, existing == "resume"), progress)
 
 
-def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset:
+def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
     watch = Stopwatch()
-    rows, series, stop = measure(params, progress)
+    rows, series, stop = measure(params, parts, progress)
     if stop and not rows:
         raise stop
     first = next(iter(series.values()))["time"]
@@ -381,4 +380,5 @@ def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset
     plot_energy(out / f"energy.{params.format}", rows, series, PUBLISHED_DRIFT)
     metrics |= watch.metrics()
     write_summary(out, "energy-conservation", params.preset_name, metrics, quiet=progress is None)
+    parts.clear()
     return table

@@ -18,7 +18,7 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import Progress, fresh_processes
+from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest
 from workflows.common.run_cost import PROCESS_BYTES, RunCost, of_replicas
@@ -27,6 +27,7 @@ from workflows.common.run_table import Rows, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.hard import Bench, cases_of, modules
 from workflows.plots.hard_cases import plot_cases
+from workflows.protocol.finished_parts import FinishedParts
 
 if TYPE_CHECKING:
     import xarray
@@ -118,18 +119,16 @@ def margin(value: float, bound: float) -> float:
     return math.inf if value == 0.0 else bound / value
 
 
-def measure(params: Params, progress: Progress | None = None) -> Rows:
+def measure(params: Params, parts: FinishedParts, progress: Progress | None = None) -> Rows:
     """Rows of all cases in all precisions, by file, two processes at a time."""
     kinds, rows = params.kinds or modules(), []
-    with fresh_processes(2) as pool:
-        jobs = [(kind, p) for kind in reversed(kinds) for p in precisions_of(params)]
-        waiting = {job: pool.submit(run_kind, *job, params.runs == "short") for job in jobs}
-        for (kind, precision), future in waiting.items():
-            own = future.result()
-            rows += own
-            if progress:
-                failed = sum(row["status"] == STATUS.index("failed") for row in own)
-                progress({"label": f"{kind} {precision}", "state": f"{len(own)} cases, {failed} failed"})
+    jobs = [(kind, precision) for kind in reversed(kinds) for precision in precisions_of(params)]
+    calls = {f"{kind} {precision}": (run_kind, kind, precision, params.runs == "short") for kind, precision in jobs}
+    for label, own in parts.made_in_processes(calls):
+        rows += own
+        if progress:
+            failed = sum(row["status"] == STATUS.index("failed") for row in own)
+            progress({"label": label, "state": f"{len(own)} cases, {failed} failed"})
     order = {kind: i for i, kind in enumerate(kinds)}
     return sorted(rows, key=lambda row: order[row["kind"]])  # stable: cases stay in the order of the text
 
@@ -198,13 +197,13 @@ def run(
     """
     check(params)
     with run_folder(params, "hard-cases", out, existing) as folder:
-        return _run(params, folder, progress)
+        return _run(params, folder, FinishedParts(folder, existing == "resume"), progress)
 
 
-def _run(params: Params, out: Path, progress: Progress | None) -> xarray.Dataset:
+def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
     watch = Stopwatch()
-    rows = measure(params, progress)
+    rows = measure(params, parts, progress)
     numbers = [
         lsm.Variable("value", ("run",), "f64", "1", "measured value, in the unit of the case"),
         lsm.Variable("bound", ("run",), "f64", "1", "greatest value allowed, in the unit of the case"),

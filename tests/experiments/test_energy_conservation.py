@@ -1,8 +1,6 @@
 """The verification experiment in small: files, metrics, and the bounds that a small gas can meet."""
 
 import signal
-from contextlib import nullcontext
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +8,7 @@ import pytest
 import taichi_lsm as lsm
 from workflows import energy_conservation
 from workflows.cli import signals
+from workflows.protocol.finished_parts import FinishedParts
 
 SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 36, "samples": 20}
 
@@ -21,8 +20,8 @@ def test_small_gas_keeps_its_energy_and_the_printed_scheme_does_not(tmp_path, mo
     measured = {name: schemes[name] for name in ("onset_verlet", "explicit_euler")}
     monkeypatch.setattr(energy_conservation, "SCHEMES", measured)
 
-    def measure_two(params, progress):
-        rows, series, stop = measure(params, progress)
+    def measure_two(params, parts, progress):
+        rows, series, stop = measure(params, parts, progress)
         first = [row for row in rows if row["scheme"] == "onset_verlet"]
         others = set(schemes) - set(measured)
         rows += [row | {"scheme": name} for name in others for row in first]
@@ -54,16 +53,12 @@ def test_an_interrupted_run_keeps_the_schemes_that_are_done(tmp_path, monkeypatc
     done |= {"steps_per_contact": 50, "drift": 1e-4, "shadow_drift": 1e-6}
     energies = {name: np.linspace(1.0, 2.0, 3) for name in ("time", "shadow_correction", *energy_conservation.TERMS)}
 
-    class Pool:
-        def submit(self, function, params, scheme):
-            return SimpleNamespace(result=lambda: self.end_of(scheme))
+    def made(parts, calls):
+        assert next(iter(calls)) == "onset_verlet"
+        yield "onset_verlet", ([done], energies)
+        raise signals.Interrupted(signal.SIGTERM)
 
-        def end_of(self, scheme):
-            if scheme != "onset_verlet":
-                raise signals.Interrupted(signal.SIGTERM)
-            return [done], energies
-
-    monkeypatch.setattr(energy_conservation, "fresh_processes", lambda count: nullcontext(Pool()))
+    monkeypatch.setattr(FinishedParts, "made_in_processes", made)
     with pytest.raises(signals.Interrupted):
         energy_conservation.run(energy_conservation.Params(**SMALL), tmp_path)
     table = lsm.open_run(tmp_path / "drift.nc")

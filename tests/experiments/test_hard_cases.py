@@ -61,7 +61,7 @@ def test_the_table_has_a_row_for_each_case_with_its_margins():
 
 def test_a_failed_case_is_written_down_and_fails_the_command(tmp_path, monkeypatch):
     failed = [*ROWS, row("bad", "f64", 9.0, "failed")]
-    monkeypatch.setattr(hard_cases, "measure", lambda params, progress: failed)
+    monkeypatch.setattr(hard_cases, "measure", lambda params, parts, progress: failed)
     with pytest.raises(lsm.SimulationError, match=r"1 hard cases failed: Bad \(f64\)"):
         hard_cases.run(hard_cases.Params(), tmp_path)
     table = lsm.open_run(tmp_path / "hard_cases.nc")

@@ -17,7 +17,7 @@ FRICTION = {"friction_mean": Metric(0.3, "1"), "friction_se": Metric(None, "1")}
 def target(tmp_path, monkeypatch):
     """(parameters, their runs, target.nc)."""
 
-    def make_files(jobs, at_a_time, progress):
+    def make_files(jobs, at_a_time, progress, resume):
         for _, _, _, folder in jobs:
             folder.mkdir(parents=True)
             RunWriter(folder / "run.nc", RUN, attributes(), LABELS).close("complete")

@@ -14,7 +14,6 @@ from workflows import shear_gouge
 from workflows.accuracy import Trial
 from workflows.common.parallel_runs import Job, run_replicas
 from workflows.common.refusals import checked
-from workflows.common.run_folder import is_done
 from workflows.shape_roughness import rate_of
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ def jobs_of(params: Params, shape: str, parameters: Sequence[str], out: Path) ->
 
 def run_missing(jobs: Sequence[Job], at_a_time: int) -> list[Path]:
     """As `run_replicas`, but complete runs of the same parameters that exist already are not repeated."""
-    run_replicas([job for job in jobs if not is_done(Path(job[3]), job[2])], at_a_time)
+    run_replicas(jobs, at_a_time, resume=True)
     return [Path(job[3]) for job in jobs]
 
 

@@ -29,8 +29,7 @@ from typing import Any, ParamSpec, TypeVar
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import discovery, signals
 from workflows.cli.progress import as_dict
-from workflows.common.parameter_files import CONFIG
-from workflows.common.run_folder import is_done
+from workflows.common.run_folder import can_go_on, is_done
 
 SEND_EVERY_S = 0.2
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -84,7 +83,8 @@ def run_replicas(
         Receives each child's reports as a dict, with its label and, at the start and end, its state
         (started | done | failed); None is silent, and so are the children.
     resume
-        Runs that are complete are not repeated, and those that were begun go on; else all begin anew.
+        Runs of the same parameters that are complete are not repeated, and those that were begun go on; else all begin
+        anew.
 
     Raises
     ------
@@ -175,7 +175,8 @@ def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Runn
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     # Pickled here, and read by the child only once it can import a plugin's Params.
-    existing = "resume" if resume and (Path(out) / CONFIG).is_file() else "overwrite"
+    changeable = getattr(importlib.import_module(module_name), "RESUMABLE", ())
+    existing = "resume" if resume and can_go_on(Path(out), params, changeable) else "overwrite"
     payload = pickle.dumps((module_name, params, str(out), reports, existing))
     process = context.Process(target=_child, args=(label, payload, sender, str(log)), name=f"lsm {label}", daemon=True)
     resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again

@@ -141,6 +141,15 @@ def is_done(folder: Path, params: Params) -> bool:
     )
 
 
+def can_go_on(folder: Path, params: Params, changeable: Collection[str] = ()) -> bool:
+    """Whether the run in a folder has these parameters, but for those that may change."""
+    try:
+        check_unchanged(params, folder, changeable)
+    except InputError:
+        return False
+    return True
+
+
 def _acting(params: Params, former: Params) -> set[str]:
     """Parameters that have an effect in either of two runs."""
     return set(type(params).model_fields) - (params.idle().keys() & former.idle().keys())

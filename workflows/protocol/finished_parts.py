@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from workflows.common.parallel_runs import fresh_processes
 from workflows.common.run_folder import PARTS
 
 
@@ -50,6 +53,29 @@ class FinishedParts:
         """The result of a part, which `make` gives if it is not there."""
         found = self.get(name)
         return self.put(name, make()) if found is None else found
+
+    def made_in_processes(self, calls: Mapping[str, tuple[Any, ...]], at_a_time: int = 2) -> Iterator[tuple[str, Any]]:
+        """(name, result) of every part, in their order; those that are not there are made in fresh processes.
+
+        Parameters
+        ----------
+        calls
+            {name of a part: (function, *arguments)}.
+        at_a_time
+            Number of processes.
+        """
+
+        def keep(name: str, future: Future[Any]) -> None:
+            if not future.cancelled() and future.exception() is None:
+                self.put(name, future.result())
+
+        found = {name: self.get(name) for name in calls}
+        with fresh_processes(at_a_time) as pool:
+            waiting = {name: pool.submit(*call) for name, call in calls.items() if found[name] is None}
+            for name, future in waiting.items():  # kept as they end, in whatever order
+                future.add_done_callback(partial(keep, name))
+            for name in calls:
+                yield name, waiting[name].result() if name in waiting else found[name]
 
     def clear(self) -> None:
         """Remove all parts: the experiment is complete, or begins anew."""

@@ -20,6 +20,14 @@ def test_parts_come_back_to_the_last_bit_and_only_in_a_run_that_goes_on(tmp_path
     assert FinishedParts(tmp_path, resume=False).get("verlet") is None
 
 
+def test_parts_made_in_processes_are_kept_as_they_end(tmp_path):
+    parts = FinishedParts(tmp_path, resume=True)
+    parts.put("second", -1)
+    calls = {"first": (divmod, 7, 2), "second": (divmod, 1, 0)}  # the second would fail
+    assert list(parts.made_in_processes(calls)) == [("first", (3, 1)), ("second", -1)]
+    assert FinishedParts(tmp_path, resume=True).get("first") == [3, 1]
+
+
 def test_a_part_that_was_not_written_to_its_end_does_not_count(tmp_path):
     parts = FinishedParts(tmp_path, resume=True)
     parts.put("one", [1.0, 2.0])

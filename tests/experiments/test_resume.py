@@ -1,0 +1,141 @@
+"""A run that is stopped and goes on writes the same bits as one that is not: for every experiment, at any step."""
+
+import os
+import shutil
+import signal
+
+import netCDF4
+import numpy as np
+import pytest
+
+import taichi_lsm as lsm
+from taichi_lsm.core.errors import InputError
+from tests.crash.random_kills import differences
+from workflows import shear_gouge
+from workflows.cli import signals
+from workflows.cli.discovery import find_workflows
+from workflows.cli.main import main
+from workflows.common.parameters import merge
+
+# Smallest runs of the experiments; one that is not named here has parameters that need no telling.
+LAYER = {"layer_thickness": 8, "length": 8, "inertial_number": 0.02, "strain": 1.3}
+GAS = {"grains": 36, "steps": 200, "long_steps": 200, "seeds": 1, "order_seeds": 1, "order_grains": 36, "samples": 10}
+SMALLEST = {
+    "shear-gouge": LAYER,
+    "compare-shapes": LAYER | {"replicas": 1},
+    "energy-conservation": GAS,
+    "hard-cases": {"kinds": ["steps", "lists"], "runs": "short", "precision": "f64"},
+}
+TIMED = {"seconds", "cost", "relative"}  # variables that no two runs share
+WORKFLOWS = find_workflows()
+
+
+@pytest.fixture
+def lsm_signals(monkeypatch):
+    monkeypatch.setattr(signals, "SAME_REQUEST_S", 0.0)
+    previous = signals.install()
+    yield
+    signals.restore(previous)
+
+
+def stop_at(report_number):
+    """A progress that asks the process to end at its so many-th report."""
+    count = 0
+
+    def progress(report):
+        nonlocal count
+        count += 1
+        if count == report_number:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    return progress
+
+
+def variables(folder):
+    """Bytes of all variables of all files below a folder, but for times and names of folders."""
+    found = {}
+    for path in sorted(folder.rglob("*.nc")):
+        with netCDF4.Dataset(path) as file:
+            file.set_auto_mask(False)
+            for name, variable in file.variables.items():
+                if name not in TIMED | {"run"}:
+                    values = np.asarray(variable[...])
+                    text = values.dtype == object
+                    found[path.relative_to(folder), name] = values.tolist() if text else values.tobytes()
+    return found
+
+
+@pytest.mark.usefixtures("lsm_signals")
+def test_a_layer_stopped_in_any_stage_goes_on_to_the_same_bits(runtime, sheared, tmp_path):
+    """In the consolidation, then in the shear; the last two checkpoints, the first of them damaged in between."""
+    folder, params, _ = sheared("sphere")
+    out = tmp_path / folder.name
+    with pytest.raises(signals.Interrupted):
+        shear_gouge.run(params, out, stop_at(4))
+    assert lsm.open_run(out / "run.nc").run_status == "interrupted"
+    assert set(lsm.open_run(out / "run.nc").stage.values) == {"generate", "consolidate"}
+    with pytest.raises(signals.Interrupted):
+        shear_gouge.run(params, out, stop_at(30), existing="resume")
+    assert "shear" in lsm.open_run(out / "run.nc").stage.values
+    (out / "checkpoint.nc").write_bytes((out / "checkpoint.nc").read_bytes()[:-3000])
+    reports = []
+    shear_gouge.run(params, out, reports.append, existing="resume")
+    assert any("before the last one" in report.get("state", "") for report in reports)
+    assert differences(out, folder) == []
+    assert not list(out.glob("*checkpoint*"))
+    assert lsm.open_run(out / "run.nc").history.count("resumed") == 2
+
+
+def test_a_complete_run_is_made_longer_to_the_same_bits(runtime, sheared, tmp_path):
+    folder, params, _ = sheared("sphere")
+    shorter = {"strain": params.steady_from + params.least_steady, "keep_checkpoint": True}
+    out = tmp_path / folder.name
+    shear_gouge.run(params.model_copy(update=shorter), out)
+    shear_gouge.run(params, out, existing="resume")
+    assert differences(out, folder) == [] and not list(out.glob("*checkpoint*"))
+    with pytest.raises(InputError, match=r"^--strain 50: the run in .* is complete at .*with --keep-checkpoint"):
+        shear_gouge.run(params.model_copy(update={"strain": 50.0}), out, existing="resume")
+    with pytest.raises(InputError, match=r"^--friction 0\.6: is 0\.5 in the run in .*, and cannot change"):
+        shear_gouge.run(params.model_copy(update={"friction": 0.6}), out, existing="resume")
+    assert (out / "summary.json").exists()
+
+
+def test_lsm_resume_names_what_it_cannot_do(sheared, tmp_path, capsys):
+    folder, _, _ = sheared("sphere")
+    out = shutil.copytree(folder, tmp_path / "copy")
+    assert main(["resume", str(out)]) == 0 and "nothing to go on with" in capsys.readouterr().out
+    for words, message in (
+        (["resume", str(tmp_path)], "holds no config.toml, must be the folder of a run"),
+        (["resume", str(out), "--out", "elsewhere"], "--out: must not be given to resume"),
+        (["resume", str(out), "--strian", "3"], "Unknown option"),
+        (["resume", str(out), "--dim", "3"], "--dim 3: is 2 in the run in"),
+    ):
+        assert main(words) == 2
+        assert message in capsys.readouterr().err
+    (out / "config.toml").write_text('experiment = "sorting"\n')
+    assert main(["resume", str(out)]) == 2 and "holds a run of sorting" in capsys.readouterr().err
+
+
+def test_a_file_of_a_run_repeats_it(sheared):
+    folder, params, _ = sheared("sphere")
+    again = merge(shear_gouge.Params, None, folder / "run.nc", experiment="shear-gouge")
+    assert again == params
+
+
+@pytest.mark.validate
+@pytest.mark.usefixtures("lsm_signals")
+@pytest.mark.parametrize("name", sorted(WORKFLOWS))
+def test_every_experiment_goes_on_to_the_same_results(name, tmp_path):
+    """Stopped after its first result, or in the midst of a layer."""
+    module = WORKFLOWS[name]
+    params = merge(module.Params, "smoke", options=SMALLEST.get(name, {}))
+    whole, stopped = tmp_path / "whole" / name, tmp_path / "stopped" / name
+    module.run(params, whole)
+    with pytest.raises(signals.Interrupted):
+        module.run(params, stopped, stop_at(8 if name == "shear-gouge" else 3))
+    assert not (stopped / "summary.json").exists() or name == "compare-shapes"
+    module.run(params, stopped, existing="resume")
+    mine, theirs = variables(stopped), variables(whole)
+    assert mine.keys() == theirs.keys()
+    assert [key for key in mine if mine[key] != theirs[key]] == []
+    assert not (stopped / "parts").exists()
