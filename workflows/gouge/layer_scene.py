@@ -18,6 +18,8 @@ from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, SPRINGS, Param
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from taichi_lsm.effects import Effect
     from taichi_lsm.shapes import GrainShape
 
@@ -121,7 +123,7 @@ def build(params: Params, progress: Progress | None = None, shapes: Sequence[Gra
     p, d, dim = params, params.diameter, params.dim
     check(p)
     rng = np.random.default_rng(p.seed)
-    thickness, lengths = p.layer
+    _, lengths = p.layer
     area = float(np.prod(lengths)) * (d if dim == 2 else 1.0)
     one = lsm.disc() if dim == 2 else lsm.sphere()
     smallest, largest = p.platen_roughness * p.smallest_diameter, p.platen_roughness * p.largest_diameter
@@ -136,15 +138,7 @@ def build(params: Params, progress: Progress | None = None, shapes: Sequence[Gra
     position[first_high:, 1] += grains.platen_heights[1]
     sizes, glued = grains.diameter, np.repeat([0, 1], [len(low[0]), len(high[0])])
 
-    unit_mass = p.density * one.measure * (d if dim == 2 else 1.0)
-    layer_mass, glued_mass = unit_mass * (sizes**dim).sum(), unit_mass * (high[1] ** dim).sum()
-    servo = lsm.ServoStress(
-        stress=p.normal_stress,
-        outward=1,
-        stiffness=p.stiffness * float(np.prod(lengths)) / d ** (dim - 2) / thickness,
-        inertia=max(glued_mass, LEAST_INERTIA * layer_mass),
-        speed_limit=LARGEST_SPEED * d / p.inertial_time,
-    )
+    servo = _servo(p, sizes, high[1])
     still = [lsm.Fixed()] * (dim - 2)
     # All other values are checked above: only the cell can still be too small for the skin and the range of effects.
     cell = ", ".join(f"{option} {length / d:g}" for option, length in zip(("--length", "--width"), lengths))
@@ -172,6 +166,21 @@ def build(params: Params, progress: Progress | None = None, shapes: Sequence[Gra
         )
     _check_steps(scene, p, servo.inertia)
     return scene
+
+
+def _servo(p: Params, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
+    """The servo of the normal stress, for diameters [m] of the mobile grains and of those of the top platen."""
+    d, (thickness, lengths) = p.diameter, p.layer
+    one = lsm.disc() if p.dim == 2 else lsm.sphere()
+    unit_mass = p.density * one.measure * (d if p.dim == 2 else 1.0)
+    layer_mass, glued_mass = (unit_mass * (sizes**p.dim).sum() for sizes in (mobile, glued))
+    return lsm.ServoStress(
+        stress=p.normal_stress,
+        outward=1,
+        stiffness=p.stiffness * float(np.prod(lengths)) / d ** (p.dim - 2) / thickness,
+        inertia=max(glued_mass, LEAST_INERTIA * layer_mass),
+        speed_limit=LARGEST_SPEED * d / p.inertial_time,
+    )
 
 
 def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
