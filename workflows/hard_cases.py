@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray
 
 # Steps and time of a case [s], the mean over all of them, with compiling; and the start of a process [s].
-OF_CASE = {"full": (5e5, 10.0), "short": (1.5e4, 1.9)}
+OF_CASE = {"full": (6e5, 8.0), "short": (1.5e4, 1.9)}
 PROCESS = 2.0
 STATUS = ("passed", "failed", "excepted")
 TEXTS = {
