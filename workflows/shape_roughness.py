@@ -171,10 +171,9 @@ def patch_shape(vertices: NDArray, elements: int, corner_radius: float) -> Any:
 
 
 @functools.lru_cache(maxsize=32)
-def clump_shape(params: Params, which: int, elements: int) -> Any:
-    """Polygon number `which` as a clump of equal discs; remembered, as a fit takes seconds; not rescaled."""
-    vertices, _ = polygons(params)[which]
-    return lsm.shapes.equal_clump(patch_shape(vertices, 120, params.corner_radius), elements)
+def clump_shape(vertices: tuple[tuple[float, float], ...], elements: int, corner_radius: float) -> Any:
+    """The polygon as a clump of `elements` equal discs; remembered, as a fit takes seconds; not rescaled."""
+    return lsm.shapes.equal_clump(patch_shape(np.array(vertices), 120, corner_radius), elements)
 
 
 def deviation(outline: NDArray, body: shapely.Polygon) -> tuple[float, float]:
@@ -195,13 +194,13 @@ def shapes_of(params: Params, kind: str, elements: int) -> tuple[list[Any], floa
     import shapely
 
     shapes, errors = [], []
-    for which, (vertices, body) in enumerate(polygons(params)):
+    for vertices, body in polygons(params):
         exact = patch_shape(vertices, 120, params.corner_radius)
         if kind == "patches":
             shape = patch_shape(vertices, elements, params.corner_radius)
             outline = shape.outline(4000)
         else:
-            shape = clump_shape(params, which, elements)
+            shape = clump_shape(tuple(map(tuple, vertices)), elements, params.corner_radius)
             discs = shapely.buffer(shapely.points(shape.centre), shape.radius, quad_segs=64)
             outline = shapely.get_coordinates(shapely.get_exterior_ring(shapely.union_all(discs)))
         errors.append(deviation(outline, body))
@@ -344,7 +343,7 @@ def example_outlines(params: Params) -> tuple[NDArray, NDArray]:
     import shapely
 
     vertices, _ = polygons(params)[0]
-    clump = clump_shape(params, 0, 30)
+    clump = clump_shape(tuple(map(tuple, vertices)), 30, params.corner_radius)
     discs = shapely.union_all(shapely.buffer(shapely.points(clump.centre), clump.radius, quad_segs=64))
     chain = patch_shape(vertices, 30, params.corner_radius).outline(2000)
     return shapely.get_coordinates(shapely.get_exterior_ring(discs)), chain
