@@ -20,7 +20,7 @@ CONES = {"cones": 0.0, "cones_that_miss_seams": 1.0}  # general patches with the
 
 
 # What `estimate` counts with [s]: the start of a process, with compiling; making a grain; a sample; a grain and step.
-START = 8.0
+START = 6.0
 PACKED_GRAIN = {2: 0.01, 3: 0.05}
 SAMPLE = 3e-3
 GRAIN_STEP = {2: 60e-9, 3: 200e-9, "cones": 5e-6}
