@@ -1,7 +1,8 @@
-"""What share of a run goes into diagnostics, files and guards? `python -m benchmarks.output_cost`.
+"""What share of a run goes into diagnostics, files, checkpoints and guards? `python -m benchmarks.output_cost`.
 
 Runs the shear experiment (`lsm shear-gouge` with its defaults) and times, from outside of the program, every sample of
-the layer (all sums over grains and contacts), every row and snapshot written, and every check and sum of the guards.
+the layer (all sums over grains and contacts), every row and snapshot written, every checkpoint at the default interval,
+and every check and sum of the guards.
 The first of each is left out of both the share and the whole: it compiles. The picture made at the end does not grow
 with the run and is given in seconds.
 """
@@ -19,7 +20,7 @@ from benchmarks import bounds, page
 from benchmarks.ours import ROOT
 
 SHAPES = ("sphere", "angular")
-DIAGNOSTICS, FILES, GUARDS = 0.03, 0.01, 0.02  # bounds of the shares
+DIAGNOSTICS, FILES, CHECKPOINTS, GUARDS = 0.03, 0.01, 0.02, 0.02  # bounds of the shares
 
 
 class Stopwatch:
@@ -51,10 +52,12 @@ def watched() -> dict[str, tuple[Any, tuple[str, ...]]]:
     import taichi_lsm as lsm
     from taichi_lsm.stepping.monitor import Monitor
     from workflows.plots import run_plots
+    from workflows.protocol.run_loop import RunLoop
 
     return {
         "samples": (lsm.ShearedLayer, ("sample",)),
         "files": (lsm.LayerRecorder, ("row", "snapshot", "__enter__", "__exit__")),
+        "checkpoints": (RunLoop, ("keep_checkpoint",)),
         "picture": (run_plots, ("plot_run",)),
         "checks": (Monitor, ("_check_grains",)),
         "sums": (Monitor, ("_check_energy",)),
@@ -63,7 +66,7 @@ def watched() -> dict[str, tuple[Any, tuple[str, ...]]]:
 
 
 def serve(shape: str) -> None:
-    """Run the experiment and print seconds as JSON: of the whole, samples, files, guards and the picture."""
+    """Run the experiment and print as JSON the seconds of the whole and of its parts, see `watched`."""
     from workflows import shear_gouge
 
     watches = {name: Stopwatch() for name in watched()}
@@ -84,6 +87,7 @@ def serve(shape: str) -> None:
                 "samples": samples.seconds - samples.first,
                 "count": samples.calls - 1,
                 "files": watches["files"].seconds,
+                "checkpoints": watches["checkpoints"].seconds,
                 "guards": checks.seconds - checks.first + sums.seconds - sums.first + watches["error_flags"].seconds,
                 "picture": picture.seconds,
             }
@@ -107,16 +111,17 @@ def measure(shapes: Sequence[str]) -> tuple[dict[str, dict[str, Any]], dict[str,
     for shape, s in seconds.items():
         metrics[f"diagnostics_{shape}"] = bounds.metric(s["samples"] / s["run"], "1", DIAGNOSTICS)
         metrics[f"files_{shape}"] = bounds.metric(s["files"] / s["run"], "1", FILES)
+        metrics[f"checkpoints_{shape}"] = bounds.metric(s["checkpoints"] / s["run"], "1", CHECKPOINTS)
         metrics[f"guards_{shape}"] = bounds.metric(s["guards"] / s["run"], "1", GUARDS)
     return metrics, seconds
 
 
 def table(seconds: dict[str, dict[str, float]]) -> str:
     """Markdown table of the seconds of each run."""
-    lines = page.head("shape", "run [s]", "samples [s]", "number of samples", "files [s]", "guards [s]", "picture [s]")
+    names = ("run", "samples", "files", "checkpoints", "guards", "picture")
+    lines = page.head("shape", *(f"{name} [s]" for name in names), "number of samples")
     for shape, s in seconds.items():
-        cells = (f"{s['run']:.2f}", f"{s['samples']:.3f}", s["count"], f"{s['files']:.3f}")
-        lines.append(page.row(shape, *cells, f"{s['guards']:.3f}", f"{s['picture']:.2f}"))
+        lines.append(page.row(shape, *(f"{s[name]:.3f}" for name in names), s["count"]))
     return "\n".join(lines)
 
 

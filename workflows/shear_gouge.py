@@ -141,7 +141,10 @@ def _simulate(
     try:
         loop = _record(layer, schedule, out, params, progress, watch, start)
     except lsm.SimulationError as error:
-        run_plots.plot_stopped(out, error, params.format)
+        try:
+            run_plots.plot_stopped(out, error, params.format)
+        except OSError as failure:  # as of a full disk, which may be what ended the run
+            error.add_note(f"no picture of it could be drawn: {failure}")
         raise
     if params.profile:
         print(lsm.runtime_profile_text(sim))
