@@ -113,7 +113,7 @@ def run_case(name: str, options: list[str], kills: int, root: Path, rng: random.
         while True:
             process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
             try:
-                _, errors = process.communicate(timeout=rng.uniform(0.3, 1.0) * took)
+                _, errors = process.communicate(timeout=rng.uniform(0.3, 0.8) * took)
             except subprocess.TimeoutExpired:
                 os.kill(process.pid, signal.SIGKILL)
                 killed_at = time.time()
