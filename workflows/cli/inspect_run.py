@@ -10,8 +10,10 @@ from typing import Any, cast
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.metrics import FILE, failed_claims, print_summary
+from workflows.common.parameter_files import CONFIG
 from workflows.common.parameters import merge, nearest
 
+UNFINISHED = ("running", "interrupted")
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
 FORMER_KEY = "figures"  # of summary.json, in place of "metrics"
@@ -109,8 +111,11 @@ def print_info(folder: Path) -> int:
     runs = sorted(p for p in folder.glob("runs/*") if p.is_dir() and _holds_run(p.iterdir()))
     if not (runs or _holds_run(files)):
         raise NoRunError(f"{folder}: holds no run (no NetCDF file and no {FILE}).")
-    for name, value in _attributes(folder).items():
+    attributes = _attributes(folder)
+    for name, value in attributes.items():
         print(f"{name}: {value}")
+    if attributes.get("run_status") in UNFINISHED and (folder / CONFIG).is_file():
+        print(f"to go on with it: lsm resume {folder}")
     if (folder / FILE).is_file():
         print()
         _print_metrics(folder / FILE)

@@ -31,6 +31,7 @@ from workflows.cli.resume import resume
 from workflows.common.former_names import renamed
 from workflows.common.metrics import FILE, failed_claims, read_summary
 from workflows.common.parallel_runs import reason_of
+from workflows.common.parameter_files import CONFIG
 from workflows.common.parameter_types import allowed, choices_in_words, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
@@ -317,7 +318,7 @@ def execute(
     except OSError as error:
         return _complain([f"--out {folder}: cannot be made: {error.strerror}."])
     if cost and not quiet:
-        print(f"{name}: {cost}", flush=True)
+        print(f"{name}: {'the whole run takes ' if existing == 'resume' else ''}{cost}", flush=True)
     earlier = _written_at(folder / FILE)
     with ProgressLine(quiet) as progress:
         try:
@@ -330,6 +331,10 @@ def execute(
                 raise
             _complain([reason_of(error)])
             return FAILED
+        except signals.Interrupted:
+            if (folder / CONFIG).is_file():
+                _complain([f"what is done is kept; to go on: lsm resume {folder}"])
+            raise
     # A summary that an earlier run left in the folder says nothing of this one.
     summary = read_summary(folder) if _written_at(folder / FILE) != earlier else None
     missed = failed_claims(summary) if summary else []

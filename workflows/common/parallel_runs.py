@@ -127,7 +127,7 @@ def reason_of(error: Exception) -> str:
         return f"not enough memory for a run of this size: {error or 'the system gave no more'}."
     if isinstance(error, OSError):
         return f"a file could not be read or written: {error}."
-    return str(error)
+    return "; ".join([str(error), *getattr(error, "__notes__", ())])
 
 
 class _FreshProcesses(ProcessPoolExecutor):
