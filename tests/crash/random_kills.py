@@ -8,14 +8,14 @@ killed, bit for bit in every variable of every file. Prints a table; the exit co
 from __future__ import annotations
 
 import argparse
-import os
+import json
 import random
-import signal
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import netCDF4
@@ -41,9 +41,10 @@ class Count:
 
     kills: int = 0
     runs: int = 0
-    kept_most: float = 0.0  # greatest share of the rows that a kill left
-    lost_most: float = 0.0  # greatest wall-clock time between the last checkpoint and a kill [s]
-    problems: int = 0
+    lost_most: float = (
+        0.0  # greatest wall-clock time between the last checkpoint and a kill, with the start of Python [s]
+    )
+    problems: list[str] = field(default_factory=list)
 
 
 def command(*words: str) -> list[str]:
@@ -71,73 +72,70 @@ def differences(folder: Path, reference: Path) -> list[str]:
     return [name for name in different if name not in ("run.nc:run", "grains.nc:run")]  # the name of the folder
 
 
-def check_files(folder: Path, count: Count, killed_at: float) -> list[str]:
-    """What is wrong with the files that a kill left."""
-    problems, rows = [], {}
+def check_files(folder: Path, killed_at: float) -> tuple[list[str], float]:
+    """(what is wrong with the files that a kill left, time since the last checkpoint or 0 [s])."""
+    problems, rows = [], dict.fromkeys(FILES, 0)
     for name in FILES:
         if (folder / name).exists():
             try:
                 rows[name] = lsm.open_run(folder / name).sizes["time"]
             except lsm.InputError as error:
                 problems.append(str(error))
-    for name in ("checkpoint.nc", "checkpoint.previous.nc"):
-        path = folder / name
-        if not path.exists():
-            continue
+    for path in folder.glob("checkpoint*.nc"):
         try:
             with netCDF4.Dataset(path) as file:
-                state = file.run_state
+                state = json.loads(file.run_state)
         except OSError as error:
             problems.append(f"{path}: {error}")
             continue
-        if name == "checkpoint.nc":
-            import json
+        if rows["run.nc"] < state["rows"] or rows["grains.nc"] < state["snapshots"]:
+            problems.append(f"{path}: counts {state['rows']} and {state['snapshots']}, the files have {rows}")
+    last = folder / "checkpoint.nc"
+    return problems, killed_at - last.stat().st_mtime if last.exists() else 0.0
 
-            wanted = json.loads(state)
-            count.lost_most = max(count.lost_most, killed_at - path.stat().st_mtime)
-            if rows.get("run.nc", 0) < wanted["rows"] or rows.get("grains.nc", 0) < wanted["snapshots"]:
-                problems.append(f"{folder}: {rows}, but the checkpoint counts {wanted['rows']}, {wanted['snapshots']}")
-    return problems
+
+def check_complete(folder: Path, reference: Path) -> list[str]:
+    """What is wrong with a run that has come to its end."""
+    different = differences(folder, reference)
+    problems = [f"{folder}: differs in {', '.join(different)}"] if different else []
+    return problems + [f"{path}: was left" for path in folder.glob("*checkpoint*")]
+
+
+def run_until_complete(
+    begin: list[str], folder: Path, reference: Path, count: Count, after: Callable[[], float]
+) -> None:
+    """Begin a run, kill it, resume it, until it is complete or a problem is found; `after` draws the times [s]."""
+    words, found = begin, len(count.problems)
+    while len(count.problems) == found:
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        try:
+            _, errors = process.communicate(timeout=after())
+        except subprocess.TimeoutExpired:
+            process.kill()
+            killed_at = time.time()
+            process.communicate()
+            problems, lost = check_files(folder, killed_at)
+            count.kills, count.lost_most = count.kills + 1, max(count.lost_most, lost)
+            count.problems += problems
+            words = command("resume", str(folder)) if (folder / "config.toml").exists() else begin
+            continue
+        ended = process.returncode == 0
+        count.problems += check_complete(folder, reference) if ended else [f"exit code {process.returncode}: {errors}"]
+        return
 
 
 def run_case(name: str, options: list[str], kills: int, root: Path, rng: random.Random) -> Count:
     """Kill runs of one case so many times."""
-    count, reference = Count(), root / f"{name}-reference"
+    count, took, reference = Count(), 0.0, root / f"{name}-reference"
     for folder in (root / f"{name}-compiles", reference):  # the second finds its kernels on the disk, as all others do
         began = time.monotonic()
         subprocess.run(command("shear-gouge", *SMALL, *options, "--out", str(folder)), check=True, capture_output=True)
         took = time.monotonic() - began
     while count.kills < kills:
         folder = root / f"{name}-{count.runs}"
+        begin = command("shear-gouge", *SMALL, *options, "--out", str(folder))
+        run_until_complete(begin, folder, reference, count, lambda: rng.uniform(0.3, 0.8) * took)
         count.runs += 1
-        words = command("shear-gouge", *SMALL, *options, "--out", str(folder))
-        while True:
-            process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-            try:
-                _, errors = process.communicate(timeout=rng.uniform(0.3, 0.8) * took)
-            except subprocess.TimeoutExpired:
-                os.kill(process.pid, signal.SIGKILL)
-                killed_at = time.time()
-                process.communicate()
-                count.kills += 1
-                problems = check_files(folder, count, killed_at)
-            else:
-                problems = [] if process.returncode == 0 else [f"exit code {process.returncode}: {errors}"]
-                if process.returncode == 0:
-                    different = differences(folder, reference)
-                    problems += [f"{folder}: differs in {', '.join(different)}"] if different else []
-                    problems += [f"{folder}: {p.name} was left" for p in folder.glob("*checkpoint*")]
-                    break
-            for problem in problems:
-                print(f"{name}: {problem}", flush=True)
-            count.problems += len(problems)
-            if problems:
-                break
-            started = (folder / "config.toml").exists()
-            words = command("resume", str(folder)) if started else words
-        for problem in problems:
-            count.problems += 1
-            print(f"{name}: {problem}", flush=True)
     return count
 
 
@@ -153,8 +151,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="lsm-crash-") as root:
         for name in given.cases:
             count = run_case(name, CASES[name], -(-given.kills // len(given.cases)), Path(root), rng)
-            print(f"| {name} | {count.kills} | {count.runs} | {count.lost_most:.1f} s | {count.problems} |", flush=True)
-            failed |= count.problems > 0
+            row = (name, count.kills, count.runs, f"{count.lost_most:.1f} s", len(count.problems))
+            print(f"| {' | '.join(map(str, row))} |", *count.problems, sep="\n", flush=True)
+            failed |= len(count.problems) > 0
     return int(failed)
 
 
