@@ -317,7 +317,11 @@ class Simulation:
         """Keep the state now, with `run_state`, in the folder of `keep_checkpoints`, if no guard objects."""
         if self._folder is None:
             raise InputError("Simulation.keep_checkpoint: there is no folder, call keep_checkpoints before")
-        self.monitor.check_all()
+        try:
+            self.monitor.check_all()
+        except SimulationError as error:
+            self._save_stopped(error)
+            raise
         with self.clock("output"):
             self._last_good = keep_checkpoint(self, self._folder, run_state)
         self._kept = time.monotonic()

@@ -304,12 +304,12 @@ def run(
 
     Returns accuracy.nc. With long layers it also writes friction_errors.json, from which target errors are planned.
 
-    Raises InputError for a folder that is not empty, unless `overwrite`: what a former experiment left there is removed
-    then, but for complete runs of layers, which are not repeated.
+    existing: what becomes of a run that is there: it makes `run` refuse the folder, is removed but for complete runs of
+    layers, which are not repeated, or goes on. Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
     with run_folder(params, "accuracy-cost", out, existing, keep_runs=True) as folder:
-        return _run(params, folder, FinishedParts(folder, existing == "resume"), progress)
+        return _run(params, folder, FinishedParts(folder, params, existing == "resume"), progress)
 
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:

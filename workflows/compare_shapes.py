@@ -19,6 +19,7 @@ from workflows.cli import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, shown, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
+from workflows.common.parameter_files import CONFIG
 from workflows.common.refusals import check_idle, derived
 from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import Existing, run_folder
@@ -164,6 +165,11 @@ def run(
     Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
+    if existing == "resume":
+        for label, of_run in build(params).items():
+            child = Path(out) / "runs" / label
+            if (child / CONFIG).is_file():  # before anything is changed
+                shear_gouge.check_resume(of_run, child)
     with run_folder(params, "compare-shapes", out, existing, RESUMABLE) as folder:
         return _run(params, folder, progress, existing == "resume")
 
@@ -187,7 +193,7 @@ def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> 
     metrics |= watch.metrics()
     if progress:
         print(table_text(table))
-    write_summary(out, "compare-shapes", params.preset_name, metrics, quiet=progress is None)
+    write_summary(out, "compare-shapes", params.preset_name, metrics, quiet=progress is None, run_status=status)
     if failure:
         raise failure
     return table

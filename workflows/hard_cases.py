@@ -197,7 +197,7 @@ def run(
     """
     check(params)
     with run_folder(params, "hard-cases", out, existing) as folder:
-        return _run(params, folder, FinishedParts(folder, existing == "resume"), progress)
+        return _run(params, folder, FinishedParts(folder, params, existing == "resume"), progress)
 
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:

@@ -311,7 +311,7 @@ def run(
 def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> xarray.Dataset:
     """The experiment in its folder."""
     watch = Stopwatch()
-    parts = FinishedParts(out, resume)
+    parts = FinishedParts(out, params, resume)
     rows, stop = measure(params, out, parts, progress)
     if stop and not rows:
         raise stop

@@ -17,10 +17,9 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
-from workflows.common.parameter_files import CONFIG
-from workflows.common.parameters import merge, to_toml
+from workflows.common.parameters import to_toml
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import Existing, check_folder, check_unchanged, is_complete, run_folder
+from workflows.common.run_folder import Existing, begin_run, check_unchanged, former_parameters, run_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
@@ -91,11 +90,13 @@ def run(
     check(params)
     if params.target_error is not None:
         return run_to_target(params, out, progress, __name__, analyse, existing)
-    check_folder(out, existing)
     if existing == "resume":
-        _check_longer(params, Path(out))
+        check_resume(params, Path(out))
     watch = Stopwatch()
-    return simulate(build(params, progress), params, out, progress, watch, existing)
+    with run_folder(params, NAME, out, existing, RESUMABLE, begin=existing != "resume") as folder:
+        if existing == "resume" and _is_finished(folder):
+            return _conclude(params, folder, progress, watch)
+        return _simulate(build(params, progress), params, folder, progress, watch, existing == "resume")
 
 
 def simulate(
@@ -107,19 +108,45 @@ def simulate(
     existing: Existing = "refuse",
 ) -> xarray.Dataset:
     """As `run`, for a scene that may have been changed after `build`; its times begin with `watch`, or here."""
-    with run_folder(params, NAME, out, existing, RESUMABLE) as folder:
+    with run_folder(params, NAME, out, existing, RESUMABLE, begin=existing != "resume") as folder:
+        if existing == "resume" and _is_finished(folder):
+            return _conclude(params, folder, progress, watch or Stopwatch())
         return _simulate(scene, params, folder, progress, watch or Stopwatch(), existing == "resume")
 
 
-def _check_longer(params: Params, out: Path) -> None:
-    """Refuse to make a complete run longer that has kept no checkpoint."""
+def check_resume(params: Params, out: Path) -> None:
+    """Refuse to go on with the run in a folder with parameters that it cannot take.
+
+    Raises
+    ------
+    InputError
+        For other parameters than RESUMABLE that differ; a strain below that of the run; a strain above it if the run is
+        complete and has kept no checkpoint.
+    """
     check_unchanged(params, out, RESUMABLE)
-    reached = merge(Params, None, out / CONFIG).strain
-    if params.strain > reached and is_complete(out) and not lsm.checkpoints.has_checkpoint(out):
+    reached = former_parameters(params, out).strain
+    if params.strain < reached:
+        raise lsm.InputError(f"--strain {params.strain:g}: must be >= {reached:g}, that of the run in {out}")
+    if params.strain > reached and _is_finished(out):
         raise lsm.InputError(
             f"--strain {params.strain:g}: the run in {out} is complete at {reached:g} and has kept no checkpoint from "
             "which to go on; begin a new one, with --keep-checkpoint if it may have to be made longer"
         )
+
+
+def can_go_on(params: Params, out: Path) -> bool:
+    """Whether the run in a folder can go on with these parameters."""
+    try:
+        check_resume(params, out)
+    except lsm.InputError:
+        return False
+    return True
+
+
+def _is_finished(out: Path) -> bool:
+    """Whether the run in a folder has written all its rows and kept no checkpoint."""
+    path = out / "run.nc"
+    return path.is_file() and not lsm.checkpoints.has_checkpoint(out) and lsm.open_run(path).run_status == "complete"
 
 
 def _simulate(
@@ -134,7 +161,7 @@ def _simulate(
     schedule = layer_schedule(params, sim.dt, layer.thickness)
     start = Start()
     if resume and lsm.checkpoints.has_checkpoint(out):
-        start, damage = start_of(layer, schedule, out, watch)
+        start, damage = start_of(layer, schedule, out, watch, identity_of(params))
         if progress:
             before = f" before the last one, as {damage}" if damage else ""
             progress({"state": f"resuming from the checkpoint{before}, at step {sim.step}"})
@@ -143,21 +170,34 @@ def _simulate(
     except lsm.SimulationError as error:
         try:
             run_plots.plot_stopped(out, error, params.format)
-        except OSError as failure:  # as of a full disk, which may be what ended the run
+        except (OSError, lsm.InputError) as failure:  # as of a full disk, which may be what ended the run
             error.add_note(f"no picture of it could be drawn: {failure}")
         raise
     if params.profile:
         print(lsm.runtime_profile_text(sim))
+    if not params.keep_checkpoint:
+        lsm.checkpoints.remove_checkpoints(out)
+    return _conclude(params, out, progress, watch, loop.grain_steps_per_second)
+
+
+def _conclude(
+    params: Params, out: Path, progress: Progress | None, watch: Stopwatch, rate: float = float("nan")
+) -> xarray.Dataset:
+    """Analysis, picture and summary of a run whose files are complete; rate: grain steps per second [s-1]."""
+    begin_run(params, NAME, out)
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
-    rate = loop.grain_steps_per_second
-    metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: one row")
+    metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: too few rows")
     run_plots.plot_run(out, params.format)
     metrics |= watch.metrics()
     write_summary(out, NAME, params.preset_name, metrics, quiet=progress is None)
-    if not params.keep_checkpoint:
-        lsm.checkpoints.remove_checkpoints(out)
     return dataset
+
+
+def identity_of(params: Params) -> dict[str, Any]:
+    """{name: value} of the parameters that a run that goes on must share with the one that was stopped."""
+    kept = set(type(params).model_fields) - params.without_result - RESUMABLE - params.idle().keys()
+    return {name: value for name, value in params.model_dump(mode="json").items() if name in kept}
 
 
 def _record(
@@ -200,6 +240,7 @@ def _record(
     with lsm.LayerRecorder(
         out, layer, title, summary, to_toml(params, NAME), params.seed, scalars, start.keep
     ) as recorder:
+        begin_run(params, NAME, out)  # now that the files and the checkpoint are known to belong together
         loop = RunLoop(
             layer,
             recorder,
@@ -207,7 +248,8 @@ def _record(
             set_velocity,
             report,
             watch,
-            start.position,
+            start,
+            identity_of(params),
             checkpoint_seconds=params.checkpoint_seconds,
         )
         loop.run()

@@ -23,6 +23,7 @@ from ..contact.neighbour_list import grown
 from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError, finite
 from ..core.schema import Variable
+from .global_attributes import package_version
 from .scene_identity import scene_identity
 
 if TYPE_CHECKING:
@@ -197,8 +198,11 @@ def _identity(sim: "Simulation") -> dict[str, Any]:
         "format": np.int64(FORMAT),
         "Conventions": "CF-1.11, ACDD-1.3",
         "title": "Checkpoint of a simulation of grains",
+        "taichi_lsm": package_version("taichi-lsm"),
+        "taichi": package_version("taichi"),
         "grains": np.int64(len(sim.grains)),
         "precision": sim.runtime.precision,
+        "arch": sim.runtime.arch,
         **{f"{OF_SCENE}{name}": text for name, text in scene_identity(sim.scene).items()},
     }
 
@@ -210,6 +214,11 @@ def _require_same(sim: "Simulation", path: Path, file: netCDF4.Dataset) -> None:
         theirs = file.getncattr(name)
         if theirs != mine:
             shown = name.replace(OF_SCENE, "Scene.")
+            if name in ("taichi_lsm", "taichi"):
+                raise InputError(
+                    f"checkpoint {path}: was written by version {theirs} of {name}, this is {mine}, which may give "
+                    "other bits; go on with that version, or begin anew"
+                )
             raise InputError(
                 f"checkpoint {path}: {shown} is {theirs}, but the scene has {mine}; "
                 "restore it into a simulation of the scene that it was saved from"
@@ -239,8 +248,12 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
     try:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
-            if "format" not in file.ncattrs() or file.format != FORMAT:
-                raise DamagedCheckpointError(f"checkpoint {path}: is not of format {FORMAT}, {EXPECTED}")
+            if "format" not in file.ncattrs():
+                raise DamagedCheckpointError(f"checkpoint {path}: is none, {EXPECTED}")
+            if file.format != FORMAT:
+                raise InputError(
+                    f"checkpoint {path}: is of format {file.format}, must be {FORMAT}: another version wrote it"
+                )
             if file.digest != content_digest(file):
                 raise DamagedCheckpointError(f"checkpoint {path}: is damaged, its digest differs, {EXPECTED}")
             _require_same(sim, path, file)

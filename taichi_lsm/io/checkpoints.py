@@ -12,7 +12,7 @@ from .checkpoint_file import DamagedCheckpointError, restore_checkpoint, save_ch
 if TYPE_CHECKING:
     from ..simulation import Simulation
 
-LAST, PREVIOUS = "checkpoint.nc", "checkpoint.previous.nc"
+LAST, PREVIOUS, NEW = "checkpoint.nc", "checkpoint.previous.nc", "checkpoint.new.nc"
 
 
 class Restored(NamedTuple):
@@ -31,16 +31,19 @@ def keep_checkpoint(sim: "Simulation", folder: str | PathLike[str], run_state: M
     SimulationError
         If the disk is full or cannot be written to, then the checkpoint before is as it was; or the folder is gone.
     """
-    last, previous = Path(folder) / LAST, Path(folder) / PREVIOUS
+    last, previous, new = (Path(folder) / name for name in (LAST, PREVIOUS, NEW))
     require_folder_still(last)
+    save_checkpoint(sim, new, run_state)  # first: a disk that is full takes none of those that are there
     if last.exists():
         replace(last, previous)
-    save_checkpoint(sim, last, run_state)
+    replace(new, last)
     return last
 
 
 def restore_last(sim: "Simulation", folder: str | PathLike[str]) -> Restored:
     """Put `sim` into the state of the last checkpoint in `folder` that is whole.
+
+    One that is damaged is removed once the one before it has been restored, so that it cannot take its place.
 
     Raises
     ------
@@ -50,9 +53,13 @@ def restore_last(sim: "Simulation", folder: str | PathLike[str]) -> Restored:
     damages = []
     for path in (Path(folder) / LAST, Path(folder) / PREVIOUS):
         try:
-            return Restored(restore_checkpoint(sim, path), path, "; ".join(damages))
+            run_state = restore_checkpoint(sim, path)
         except DamagedCheckpointError as error:
             damages.append(str(error))
+            continue
+        if damages:
+            replace(path, Path(folder) / LAST)
+        return Restored(run_state, Path(folder) / LAST, "; ".join(damages))
     raise InputError("; ".join(damages))
 
 
@@ -63,5 +70,5 @@ def has_checkpoint(folder: str | PathLike[str]) -> bool:
 
 def remove_checkpoints(folder: str | PathLike[str]) -> None:
     """Remove the checkpoints in `folder`: the run is complete."""
-    for name in (LAST, PREVIOUS):
+    for name in (LAST, PREVIOUS, NEW):
         (Path(folder) / name).unlink(missing_ok=True)

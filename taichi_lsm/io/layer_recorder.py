@@ -101,6 +101,11 @@ class LayerRecorder:
             keep=kept_snapshots,
         )
 
+    @property
+    def id(self) -> str:
+        """Identifier of the run, the same in all its files, also after it went on."""
+        return self.run.attributes["id"]
+
     def begin_stage(self, name: str, index: int) -> None:
         """Name the stage of the rows and snapshots that follow; index: its place in the schedule from 1 on."""
         self._stage = {"stage": name, "stage_index": index}

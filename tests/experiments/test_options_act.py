@@ -124,7 +124,7 @@ class Recorder:
     def __init__(self, out, layer, title, *others):
         layer.sim.log.append(title)
         self.layer, self.rows, self.snapshots = layer, 0, 0
-        self.grains = SimpleNamespace(last_time=-1.0)
+        self.grains, self.id = SimpleNamespace(last_time=-1.0), "run"
 
     def __enter__(self):
         return self

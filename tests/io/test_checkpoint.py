@@ -135,7 +135,7 @@ def test_missing_truncated_and_foreign_files_are_refused(saved, tmp_path):
     broken.write_bytes(b"no file of numbers")
     check_refused(saved, broken, "cannot be read")
     table(tmp_path / "compare.nc")
-    check_refused(saved, tmp_path / "compare.nc", "is not of format 4, must be a whole file that save_checkpoint wrote")
+    check_refused(saved, tmp_path / "compare.nc", "is none, must be a whole file that save_checkpoint wrote")
 
 
 def test_a_file_of_which_a_number_changed_is_refused(saved, tmp_path):
@@ -152,6 +152,35 @@ def test_a_file_of_which_a_number_changed_is_refused(saved, tmp_path):
         check_refused(saved, copy, "is damaged, its digest differs")
         with pytest.raises(DamagedCheckpointError):
             lsm.restore_checkpoint(saved[0], copy)
+
+
+def test_files_of_other_versions_are_refused_by_name(saved, tmp_path):
+    copy = tmp_path / "copy.nc"
+    for changes, reason in (
+        ({"format": np.int64(3)}, "is of format 3, must be 4: another version wrote it"),
+        ({"taichi": "1.0.0"}, "was written by version 1.0.0 of taichi, this is"),
+        ({"arch": "cuda"}, "arch is cuda, but the scene has cpu"),
+    ):
+        copy.write_bytes(saved[2].read_bytes())
+        with altered(copy) as file:
+            file.setncatts(changes)
+        check_refused(saved, copy, reason)
+
+
+def test_a_damaged_checkpoint_does_not_take_the_place_of_a_good_one(saved, tmp_path):
+    for step in range(2):
+        lsm.checkpoints.keep_checkpoint(saved[0], tmp_path, {"rows": step})
+    last = tmp_path / "checkpoint.nc"
+    last.write_bytes(last.read_bytes()[:-500])
+    restored = lsm.checkpoints.restore_last(saved[0], tmp_path)
+    assert restored.run_state == {"rows": 0} and "cannot be read" in restored.damage
+    lsm.checkpoints.keep_checkpoint(saved[0], tmp_path, {"rows": 2})
+    for name, rows in (("checkpoint.nc", 2), ("checkpoint.previous.nc", 0)):
+        assert lsm.restore_checkpoint(saved[0], tmp_path / name) == {"rows": rows}
+    lsm.checkpoints.remove_checkpoints(tmp_path)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(lsm.InputError, match=r"checkpoint\.nc: no such file.*checkpoint\.previous\.nc: no such file"):
+        lsm.checkpoints.restore_last(saved[0], tmp_path)
 
 
 def test_what_a_run_saves_beside_its_grains_comes_back_to_the_last_bit(saved, tmp_path):

@@ -13,7 +13,9 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.accuracy import Trial
 from workflows.common.parallel_runs import Job, run_replicas
+from workflows.common.parameter_files import CONFIG
 from workflows.common.refusals import checked
+from workflows.common.run_folder import clear
 from workflows.shape_roughness import rate_of
 
 if TYPE_CHECKING:
@@ -58,6 +60,9 @@ def jobs_of(params: Params, shape: str, parameters: Sequence[str], out: Path) ->
 
 def run_missing(jobs: Sequence[Job], at_a_time: int) -> list[Path]:
     """As `run_replicas`, but complete runs of the same parameters that exist already are not repeated."""
+    for _, _, of_run, folder in jobs:
+        if (Path(folder) / CONFIG).is_file() and not shear_gouge.can_go_on(of_run, Path(folder)):
+            clear(Path(folder))  # of an experiment that was overwritten
     run_replicas(jobs, at_a_time, resume=True)
     return [Path(job[3]) for job in jobs]
 

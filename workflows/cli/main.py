@@ -78,6 +78,8 @@ def _main(argv: list[str]) -> int:
         if argv == ["--version"]:  # before discovery: a broken plugin must not hide it
             print(version_text())
             return COMPLETE
+        if argv[:1] == ["resume"] and argv[1:2] != ["--help"] and argv[1:2] and argv[1].startswith("-"):
+            return _complain([f"{argv[1]}: the folder of the run comes first, as in: lsm resume DIR {argv[1]} ..."])
         app = build_app(find_workflows())
         command, bound, _ = app.parse_args(argv, exit_on_error=False, print_error=False)
     except DiscoveryError as error:
@@ -307,7 +309,8 @@ def execute(
             _check_arch(params.arch)
         module.check(params)
         cost = module.estimate(params)
-        problems = ([] if yes else objections(cost, machine_memory())) + problems
+        if not (yes or existing == "resume"):  # which is only a part of it
+            problems = objections(cost, machine_memory()) + problems
     except InputError as error:
         problems = _problems_of(error) + problems
     if problems:

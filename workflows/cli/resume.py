@@ -10,10 +10,12 @@ from typing import Any
 from cyclopts import App
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameter_files import CONFIG, experiment_of
+from workflows.common.metrics import failed_claims, read_summary
+from workflows.common.parameter_files import config_in, experiment_of
 from workflows.common.parameters import merge, option_name
 from workflows.common.run_folder import is_complete
 
+CLAIM_NOT_MET = 3  # exit code, see `main`
 OF_FOLDER = ("config", "preset", "out", "overwrite")  # options that the folder decides
 
 
@@ -55,10 +57,11 @@ def resume(
     if wrong:
         raise InputError(f"{', '.join(wrong)}: must not be given to resume, which goes on in {folder} as it began")
     common = {key: options.pop(key) for key in ("quiet", "strict", "yes") if key in options}
-    config = folder / CONFIG
+    config = config_in(folder)
     if is_complete(folder) and _same(found[name], name, config, options):
         print(f"{folder}: the run is complete, there is nothing to go on with")
-        return 0
+        missed = failed_claims(read_summary(folder) or {})
+        return CLAIM_NOT_MET if missed and common.get("strict") else 0
     return execute(name, found[name], options, out=str(folder), config=str(config), existing="resume", **common)
 
 

@@ -111,7 +111,12 @@ def _number(value: Any) -> float | int | str | None:
 
 
 def write_summary(
-    out: str | os.PathLike[str], workflow: str, preset: str | None, metrics: dict[str, Metric], quiet: bool = False
+    out: str | os.PathLike[str],
+    workflow: str,
+    preset: str | None,
+    metrics: dict[str, Metric],
+    quiet: bool = False,
+    run_status: str = "complete",
 ) -> dict[str, Any]:
     """Write `out`/summary.json and print its table; returns the summary.
 
@@ -125,9 +130,11 @@ def write_summary(
         Name -> metric, in the order of the table.
     quiet
         Write only (a workflow passes `progress is None`).
+    run_status
+        "complete", or how an experiment of many runs ended that tells what it has.
     """
     entries = {name: metric.as_dict() for name, metric in metrics.items()}
-    summary = {"workflow": workflow, "preset": preset, "metrics": entries}
+    summary = {"workflow": workflow, "preset": preset, "run_status": run_status, "metrics": entries}
     path = Path(out) / FILE
     partial = path.with_name(FILE + ".partial")
     partial.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")

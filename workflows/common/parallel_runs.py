@@ -29,7 +29,7 @@ from typing import Any, ParamSpec, TypeVar
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import discovery, signals
 from workflows.cli.progress import as_dict
-from workflows.common.run_folder import can_go_on, is_done
+from workflows.common.run_folder import CONFIG, is_done
 
 SEND_EVERY_S = 0.2
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -175,8 +175,7 @@ def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Runn
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     # Pickled here, and read by the child only once it can import a plugin's Params.
-    changeable = getattr(importlib.import_module(module_name), "RESUMABLE", ())
-    existing = "resume" if resume and can_go_on(Path(out), params, changeable) else "overwrite"
+    existing = "resume" if resume and (Path(out) / CONFIG).is_file() else "overwrite"
     payload = pickle.dumps((module_name, params, str(out), reports, existing))
     process = context.Process(target=_child, args=(label, payload, sender, str(log)), name=f"lsm {label}", daemon=True)
     resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again
@@ -295,7 +294,8 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
         module_name, params, out, reports, existing = pickle.loads(payload)
         Path(out).mkdir(parents=True, exist_ok=True)
         module = importlib.import_module(module_name)
-        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None, existing=existing)
+        # Also in silence: the run notices by its reports that the parent is gone.
+        module.run(params, out=Path(out), progress=_sender(pipe, reports), existing=existing)
         code = 0
     except signals.Interrupted as interrupted:
         code = 128 + interrupted.signum
@@ -328,7 +328,7 @@ def _set_title(title: str) -> None:
         Path("/proc/self/comm").write_text(title[:15])
 
 
-def _sender(pipe: Any) -> Callable[[Any], None]:
+def _sender(pipe: Any, reports: bool) -> Callable[[Any], None]:
     last, stage = -SEND_EVERY_S, None
 
     def send(report: Any) -> None:
@@ -337,9 +337,9 @@ def _sender(pipe: Any) -> Callable[[Any], None]:
         begins = report.get("stage") != stage
         if "state" in report or begins or time.monotonic() - last >= SEND_EVERY_S:
             last, stage = time.monotonic(), report.get("stage")
-            if not _send(pipe, "report", report):
-                # The parent was killed: end as if it had passed the signal on, with the files flushed.
-                raise signals.Interrupted(signal.SIGTERM)
+            if not _send(pipe, "report", report if reports else {}):
+                # The parent was killed: end as if it had passed the signal on, where the run finds it safe.
+                signal.raise_signal(signal.SIGTERM)
 
     return send
 

@@ -88,24 +88,26 @@ def read_for(
     return OfFile(top, own, bool(tables or foreign or other), tuple(notes), preset if of_this else None)
 
 
-def experiment_of(folder: Path) -> str:
-    """Name of the experiment that was run in a folder.
+def config_in(folder: Path) -> Path:
+    """The file with the parameters of the run in a folder: config.toml, or run.nc if that says nothing.
 
     Raises
     ------
     InputError
-        If the folder holds no run, or one of a version that did not say.
+        If the folder holds no run, or one of a version that did not name its experiment.
     """
-    config = folder / CONFIG
-    if not config.is_file():
-        raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run")
-    problems: list[str] = []
-    name = _read(config, problems).get("experiment")
-    if problems or not isinstance(name, str):
-        raise InputError(
-            problems[0] if problems else f"{config}: names no experiment, must be of a run of this version"
-        )
-    return name
+    paths = [path for path in (folder / CONFIG, folder / "run.nc") if path.is_file()]
+    if not paths:
+        raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run that was begun")
+    for path in paths:
+        if isinstance(_read(path, []).get("experiment"), str):
+            return path
+    raise InputError(f"{paths[0]}: names no experiment, must be of a run of this version")
+
+
+def experiment_of(folder: Path) -> str:
+    """Name of the experiment that was run in a folder; InputError as `config_in`."""
+    return str(_read(config_in(folder), [])["experiment"])
 
 
 def _foreign_notes(

@@ -8,11 +8,12 @@ import shutil
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameter_files import CONFIG
+from workflows.common.metrics import read_summary
+from workflows.common.parameter_files import CONFIG, config_in
 from workflows.common.parameters import ParameterError, Params, merge, option_name
 from workflows.common.toml_writer import to_toml
 
@@ -20,11 +21,13 @@ from workflows.common.toml_writer import to_toml
 # goes on.
 Existing = Literal["refuse", "overwrite", "resume"]
 SUMMARY = "summary.json"  # what every run writes last
+OfOneRun = TypeVar("OfOneRun", bound=Params)
 LEFT_BY_KILLS = re.compile(r"\.lock|\..*\.part")  # files of a process that was killed, which hold nothing
 PARTS = "parts"  # folder of the results of parts of an experiment, until it is complete
-TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md")
+CHECKPOINTS = ("checkpoint", "checkpoint.previous", "checkpoint.new")
+TEXTS = (CONFIG, SUMMARY, "summary.json.partial", ".config.toml.part", "friction_errors.json", "hard_cases.md")
 TABLES = (
-    *("run", "grains", "checkpoint", "checkpoint.previous", "stopped"),
+    *("run", "grains", "stopped", *CHECKPOINTS),
     *("target", "compare", "energy", "drift", "roughness", "accuracy", "hard_cases"),
 )
 PICTURES = ("run", "stopped", "friction", "energy", "roughness", "work_precision", "tenfold", "hard_cases")
@@ -86,6 +89,7 @@ def run_folder(
     existing: Existing = "refuse",
     changeable: Collection[str] = (),
     keep_runs: bool = False,
+    begin: bool = True,
 ) -> Iterator[Path]:
     """The folder of a run during the run: made, locked against others, with config.toml in it.
 
@@ -102,6 +106,8 @@ def run_folder(
         Names of those that may change in a run that goes on, beside those that change no result.
     keep_runs
         The experiment uses the complete ones of the runs in `out`/runs again, if it overwrites: they stay.
+    begin
+        Whether to call `begin_run`; else the experiment does so once it has found that the run can go on.
 
     Raises
     ------
@@ -110,25 +116,39 @@ def run_folder(
     """
     check_folder(out, existing)
     folder = Path(out)
-    if existing == "resume":
-        check_unchanged(params, folder, changeable)
     folder.mkdir(parents=True, exist_ok=True)
     with lsm.locked(folder):
         if existing == "resume":
-            (folder / SUMMARY).unlink(missing_ok=True)  # there is one only of a run that is complete
+            check_unchanged(params, folder, changeable)
         elif existing == "overwrite":
-            if not keep_runs:
-                for path in sorted(folder.glob("runs/*")):
-                    _clear(path)
-                _remove_if_empty(folder / "runs")
-            _clear(folder)
-        (folder / CONFIG).write_text(to_toml(params, experiment), encoding="utf-8")
+            for path in sorted(p for p in folder.glob("runs/*") if p.is_dir()):
+                if not (keep_runs and is_complete(path)):
+                    clear(path)
+            _remove_if_empty(folder / "runs")
+            clear(folder)
+        if begin:
+            begin_run(params, experiment, folder)
         yield folder
 
 
+def begin_run(params: Params, experiment: str, folder: Path) -> None:
+    """Write config.toml, and remove what a run that goes on has to write anew or that tells of a former stop."""
+    if (folder / CONFIG).is_file():
+        for path in (folder / SUMMARY, *folder.glob("stopped.*")):
+            path.unlink(missing_ok=True)
+    new = folder / f".{CONFIG}.part"
+    try:
+        new.write_text(to_toml(params, experiment), encoding="utf-8")
+        os.replace(new, folder / CONFIG)  # one that is empty would leave a run that nothing can go on with
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        raise lsm.SimulationError(f"{folder / CONFIG}: cannot be written: {error.strerror}; make room") from error
+
+
 def is_complete(folder: Path) -> bool:
-    """Whether the run in a folder has come to its end."""
-    return (folder / SUMMARY).is_file()
+    """Whether the run in a folder has come to its end, by its summary."""
+    summary = read_summary(folder)
+    return summary is not None and summary.get("run_status", "complete") == "complete"
 
 
 def is_done(folder: Path, params: Params) -> bool:
@@ -141,13 +161,9 @@ def is_done(folder: Path, params: Params) -> bool:
     )
 
 
-def can_go_on(folder: Path, params: Params, changeable: Collection[str] = ()) -> bool:
-    """Whether the run in a folder has these parameters, but for those that may change."""
-    try:
-        check_unchanged(params, folder, changeable)
-    except InputError:
-        return False
-    return True
+def former_parameters(params: OfOneRun, folder: Path) -> OfOneRun:
+    """Parameters of the run in a folder, of the class of `params`; InputError if it holds none."""
+    return merge(type(params), None, config_in(folder))
 
 
 def _acting(params: Params, former: Params) -> set[str]:
@@ -163,14 +179,11 @@ def check_unchanged(params: Params, folder: Path, changeable: Collection[str] = 
     InputError
         With every parameter that differs, its value there and here; or if the folder holds no run.
     """
-    config = folder / CONFIG
-    if not config.is_file():
-        raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run that was stopped")
-    former, allowed = merge(type(params), None, config), params.without_result | set(changeable)
+    former, allowed = former_parameters(params, folder), params.without_result | set(changeable)
     acting = _acting(params, former) - allowed
     problems = [
         f"{option_name(name)} {getattr(params, name)}: is {getattr(former, name)} in the run in {folder}, and cannot "
-        f"change in a run that goes on; only {', '.join(map(option_name, sorted(allowed)))} may"
+        f"change in a run that goes on; only {', '.join(map(option_name, sorted(allowed - params.idle().keys())))} may"
         for name in type(params).model_fields
         if name in acting and getattr(params, name) != getattr(former, name)
     ]
@@ -178,14 +191,20 @@ def check_unchanged(params: Params, folder: Path, changeable: Collection[str] = 
         raise ParameterError(problems)
 
 
-def _clear(folder: Path) -> None:
-    """Remove the files of a run from its folder, and a folder in `runs` if nothing else is in it."""
+def clear(folder: Path) -> None:
+    """Remove the files of a run from its folder, and a folder in `runs` if nothing else is in it.
+
+    Of a folder without config.toml, which is removed last, only checkpoints: a later run must not go on from them.
+    """
+    for name in CHECKPOINTS:
+        (folder / f"{name}.nc").unlink(missing_ok=True)
     if not (folder / CONFIG).is_file():
-        return  # not the folder of a run
+        return
     for path in folder.iterdir():
-        if path.name in WRITTEN and not path.is_dir():
+        if path.name in WRITTEN - {CONFIG} and not path.is_dir():
             path.unlink()
     shutil.rmtree(folder / PARTS, ignore_errors=True)
+    (folder / CONFIG).unlink()
     if folder.parent.name == "runs":
         _remove_if_empty(folder)
 

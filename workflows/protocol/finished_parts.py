@@ -13,8 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from taichi_lsm.core.errors import InputError
 from workflows.common.parallel_runs import fresh_processes
+from workflows.common.parameters import Params
 from workflows.common.run_folder import PARTS
+
+PARAMETERS = "parameters"  # the file that tells with which the parts were made
 
 
 class FinishedParts:
@@ -24,30 +28,48 @@ class FinishedParts:
     ----------
     out
         Folder of the experiment.
+    params
+        Of the experiment.
     resume
         Whether parts that are there already count; else they are removed.
+
+    Raises
+    ------
+    InputError
+        If the parts that are there were made with other parameters.
     """
 
-    def __init__(self, out: str | os.PathLike[str], resume: bool) -> None:
+    def __init__(self, out: str | os.PathLike[str], params: Params, resume: bool) -> None:
         self.folder = Path(out) / PARTS
         if not resume:
             self.clear()
+        acting = params.model_dump(mode="json", exclude=set(params.without_result))
+        former = self.get(PARAMETERS)
+        if former is not None and former != acting:
+            differing = ", ".join(name for name in acting if former.get(name) != acting[name])
+            raise InputError(f"{self.folder}: was made with other {differing}; begin anew, or with these as they were")
+        self._parameters = acting
 
     def get(self, name: str) -> Any:
-        """Result of the part `name`, exact to the last bit; None if it is not there or was not written to its end."""
+        """Result of the part `name`, numbers to the last bit; None if it is not there or not written to its end."""
         try:
             return json.loads(self._path(name).read_text(encoding="utf-8"), object_hook=_revived)
         except (FileNotFoundError, json.JSONDecodeError):
             return None
 
     def put(self, name: str, result: Any) -> Any:
-        """Keep numbers, texts, arrays, lists and dicts as the result of a part; returns it."""
+        """Keep the result of a part; returns it as `get` will: keys of dicts must be texts, tuples become lists."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        if not self._path(PARAMETERS).is_file():
+            self._write(PARAMETERS, self._parameters)
+        self._write(name, result)
+        return self.get(name)
+
+    def _write(self, name: str, content: Any) -> None:
         path = self._path(name)
         temporary = path.with_suffix(".part")
-        temporary.write_text(json.dumps(result, default=_plain), encoding="utf-8")
+        temporary.write_text(json.dumps(content, default=_plain), encoding="utf-8")
         os.replace(temporary, path)
-        return result
 
     def made(self, name: str, make: Callable[[], Any]) -> Any:
         """The result of a part, which `make` gives if it is not there."""
@@ -75,7 +97,7 @@ class FinishedParts:
             for name, future in waiting.items():  # kept as they end, in whatever order
                 future.add_done_callback(partial(keep, name))
             for name in calls:
-                yield name, waiting[name].result() if name in waiting else found[name]
+                yield name, self.put(name, waiting[name].result()) if name in waiting else found[name]
 
     def clear(self) -> None:
         """Remove all parts: the experiment is complete, or begins anew."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import taichi_lsm as lsm
 from workflows.common.stopwatch import Stopwatch
@@ -13,16 +15,42 @@ from workflows.protocol.schedule import Position, Stage
 
 @dataclass(frozen=True)
 class Start:
-    """Where a run begins: its position in the schedule, and the (rows, snapshots) that its files keep or None."""
+    """Where a run begins.
+
+    Attributes
+    ----------
+    position
+        In the schedule; None: before it.
+    keep
+        (rows, snapshots) that its files keep, or None.
+    rate
+        Grain steps per second of the part that is done [s-1], nan if it is not known.
+    """
 
     position: Position | None = None
     keep: tuple[int, int] | None = None
+    rate: float = float("nan")
 
 
 def start_of(
-    layer: lsm.ShearedLayer, schedule: Sequence[Stage], out: str | os.PathLike[str], watch: Stopwatch
+    layer: lsm.ShearedLayer,
+    schedule: Sequence[Stage],
+    out: str | os.PathLike[str],
+    watch: Stopwatch,
+    identity: Mapping[str, Any],
 ) -> tuple[Start, str]:
     """Put a layer as its scene has it into the state of the last checkpoint in `out`.
+
+    Parameters
+    ----------
+    layer, schedule
+        As a new run would begin.
+    out
+        Folder of the run.
+    watch
+        Takes the time that the run has taken so far.
+    identity
+        {name of a parameter: value} of what must be as in the run that wrote the checkpoint.
 
     Returns
     -------
@@ -31,6 +59,7 @@ def start_of(
     """
     restored = lsm.checkpoints.restore_last(layer.sim, out)
     state = restored.run_state
+    _check_same_run(state, restored.path, Path(out), identity)
     layer.restore(state["layer"])
     watch.add(state["seconds"], state["cpu_seconds"])
     position, snapshots = Position(**state["position"]), state["snapshots"]
@@ -38,4 +67,18 @@ def start_of(
         last = Position(**position.ended["position"])
         if schedule[-1].until.open_again(layer, last.memory):
             position, snapshots = last, position.ended["snapshots"]
-    return Start(position, (state["rows"], snapshots)), restored.damage
+    return Start(position, (state["rows"], snapshots), state["rate"]), restored.damage
+
+
+def _check_same_run(state: Mapping[str, Any], checkpoint: Path, out: Path, identity: Mapping[str, Any]) -> None:
+    """Refuse a checkpoint of another run than the files beside it, or of one with other parameters."""
+    known = state["parameters"]
+    differing = [name for name, value in identity.items() if known.get(name, value) != value]
+    if differing:
+        was = ", ".join(f"{name} {known[name]} where this run has {identity[name]}" for name in differing)
+        raise lsm.InputError(f"{checkpoint}: is of a run with {was}; go on with the parameters of that run")
+    for path in (out / "run.nc", out / "grains.nc"):
+        if not path.is_file():
+            raise lsm.InputError(f"{path}: is missing, and {checkpoint} cannot go on without it; begin anew")
+        if lsm.open_run(path).attrs.get("id") != state["id"]:
+            raise lsm.InputError(f"{checkpoint}: is of another run than {path}; restore the files of one run")

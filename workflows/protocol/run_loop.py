@@ -7,20 +7,20 @@ at steps that the schedule fixes, and between them a simulation may run in piece
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
-
-import numpy as np
 
 import taichi_lsm as lsm
 from workflows.cli import signals
 from workflows.common.stopwatch import Stopwatch
+from workflows.protocol.resume import Start
 from workflows.protocol.schedule import FIRST_STAGE, Position, Stage
 
 CHECKPOINT_S = 60.0  # of wall clock between two checkpoints, or
 CHECKPOINT_COST = 50.0  # times as long as one takes, if that is more
 PIECE_S = 0.5  # of wall clock after which a signal is noticed
 FIRST_PIECE = 2e6  # grain steps before the speed of the run is known
+LARGEST_PIECE = 1_000_000  # steps
 
 Report = Callable[[Stage, dict[str, Any]], None]  # takes the stage and the row that was recorded
 
@@ -40,8 +40,10 @@ class RunLoop:
         Called after every row.
     watch
         Times of the run, which checkpoints keep.
-    position
-        Where to begin; default: before the first stage.
+    start
+        Where to begin.
+    identity
+        {name of a parameter: value} of what a run that goes on must have, for its checkpoints.
     checkpoint_seconds
         Wall-clock time between two checkpoints [s]; None: a minute, or as much that they take at most 2 % of the run.
 
@@ -59,17 +61,18 @@ class RunLoop:
         drive: Callable[[float], None],
         report: Report,
         watch: Stopwatch,
-        position: Position | None = None,
+        start: Start,
+        identity: Mapping[str, Any],
         checkpoint_seconds: float | None = None,
     ) -> None:
         self.layer, self.recorder, self.sim = layer, recorder, layer.sim
         self.schedule, self.drive, self.report, self.watch = list(schedule), drive, report, watch
-        self.position = position or Position()
+        self.position, self.identity = start.position or Position(), dict(identity)
         self._piece = max(1, int(FIRST_PIECE / len(self.sim)))  # steps
         self._kept, self._given = time.perf_counter(), checkpoint_seconds
         self._interval = checkpoint_seconds or CHECKPOINT_S
         self._first: tuple[float, int] | None = None  # clock and step of the first row of this stage in this process
-        self._rate = np.nan
+        self._rate = start.rate
 
     def run(self) -> None:
         """Go through the rest of the schedule.
@@ -96,7 +99,7 @@ class RunLoop:
 
     @property
     def grain_steps_per_second(self) -> float:
-        """Speed of the last stage after its first row in this process, in which kernels compile [s-1]; nan if none."""
+        """Speed of the last stage after its first row in a process, in which kernels compile [s-1]; nan if none."""
         return self._rate
 
     def keep_checkpoint(self) -> None:
@@ -109,6 +112,9 @@ class RunLoop:
                 "layer": self.layer.memory.as_plain(),
                 "rows": self.recorder.rows,
                 "snapshots": self.recorder.snapshots,
+                "id": self.recorder.id,
+                "parameters": self.identity,
+                "rate": self._rate,
                 "seconds": self.watch.seconds,
                 "cpu_seconds": self.watch.cpu_seconds,
             }
@@ -124,7 +130,7 @@ class RunLoop:
         if position.begun:
             return
         if stage.velocity is not None:
-            if position.thickness == 0.0:
+            if position.thickness is None:
                 layer.begin_shear()
                 position.thickness = layer.thickness
             self.drive(stage.velocity * (position.thickness if stage.per_thickness else 1.0))
@@ -164,14 +170,14 @@ class RunLoop:
             began = time.perf_counter()
             sim.run(steps)
             per_step = (time.perf_counter() - began) / steps
-            self._piece = max(1, int(min(PIECE_S / per_step, FIRST_PIECE)))
+            self._piece = max(1, int(min(PIECE_S / per_step, LARGEST_PIECE)))
 
     def _time(self) -> None:
         """Measure the speed of the stage."""
         now = time.perf_counter(), self.sim.step
         self._first = self._first or now
         seconds, steps = now[0] - self._first[0], now[1] - self._first[1]
-        self._rate = steps * len(self.sim) / seconds if steps else np.nan
+        self._rate = steps * len(self.sim) / seconds if steps else self._rate
 
     def _end(self, stage: Stage) -> None:
         """Take the last snapshot of a stage, unless the state is in the file, and go to the next stage."""

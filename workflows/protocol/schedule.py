@@ -57,7 +57,7 @@ class Position:
     next_sample
         Step of the next sample.
     thickness
-        Of the layer as shear began [m], 0 before.
+        Of the layer as shear began [m], None before.
     snapshots
         Taken in this stage.
     memory
@@ -71,7 +71,7 @@ class Position:
     begun: bool = False
     samples: int = 0
     next_sample: int = 0
-    thickness: float = 0.0
+    thickness: float | None = None
     snapshots: int = 0
     memory: Memory = field(default_factory=dict)
     ended: dict[str, Any] | None = None

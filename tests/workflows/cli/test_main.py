@@ -39,6 +39,7 @@ def test_a_complete_run(plugins, tmp_path, capsys):
     assert summary == {
         "workflow": "toy-run",
         "preset": "demo",
+        "run_status": "complete",
         "metrics": {
             "seed": {"value": 7, "unit": "1"},
             "stress": {"value": 5e6, "unit": "Pa", "bound": 2e6, "holds": True},

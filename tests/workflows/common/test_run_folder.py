@@ -9,7 +9,7 @@ import pytest
 import taichi_lsm
 import workflows
 from taichi_lsm.core.errors import InputError
-from workflows.common.run_folder import WRITTEN, check_folder, run_folder
+from workflows.common.run_folder import WRITTEN, check_folder, is_complete, is_done, run_folder
 
 OTHERS = ("notes.txt", "friction.xlsx", "run.nc.bak", "figures/run.png", "runs/mine/data.csv", "runs/note.md")
 LEFT = ("run.nc", "stopped.nc", "checkpoint.nc", "run.pdf", "summary.json", ".grains.nc.part")
@@ -45,17 +45,22 @@ def test_what_former_runs_left_is_removed_and_nothing_else(used, toy):
     assert not (used / "runs/round-1").exists() and "seed = 3" in (used / "config.toml").read_text()
 
 
-def test_runs_with_which_an_experiment_goes_on_stay(used, toy):
+def test_complete_runs_with_which_an_experiment_goes_on_stay(used, toy):
+    (used / "runs/mine/summary.json").unlink()
+    for run in ("round-1", "round-2"):
+        (used / "runs" / run / "summary.json").write_text('{"metrics": {}}')
     begin_run(toy.Params(), used, "overwrite", keep_runs=True)
     assert {"runs/round-1/run.nc", "runs/round-2/config.toml"} <= files_in(used)
-    assert not files_in(used) & set(LEFT)
+    assert not files_in(used) & set(LEFT) and "runs/mine/run.nc" not in files_in(used)
 
 
 def test_a_folder_that_no_run_has_begun_keeps_all_it_holds(used, toy):
     for place in (".", "runs/round-1"):
         (used / place / "config.toml").unlink()
     begin_run(toy.Params(), used, existing="overwrite")
-    assert {*LEFT, "runs/round-1/run.nc"} <= files_in(used) and "runs/round-2/run.nc" not in files_in(used)
+    kept = {*LEFT, "runs/round-1/run.nc"} - {"checkpoint.nc"}  # from which a later run must not go on
+    assert kept <= files_in(used) and "runs/round-2/run.nc" not in files_in(used)
+    assert not list(used.rglob("checkpoint.nc"))
 
 
 def test_a_folder_that_is_not_empty_is_refused_as_it_is(used, toy):
@@ -86,4 +91,26 @@ def test_every_file_that_the_code_names_is_known():
     assert {"run.nc", "compare.nc", "friction.svg", "stopped.svg", "hard_cases.md", "checkpoint.nc"} <= named
     named -= {"scene.py", "settled.nc"}  # the folder of the package; within one hard case, in a folder of its own
     named -= {"composed.nc", "fresh.nc", "{name}.json"}  # in memory; in the folder of parts
+    named -= {".{CONFIG}.part", "{name}.nc"}  # .config.toml.part; checkpoints
     assert named <= WRITTEN, named - WRITTEN
+
+
+def test_a_run_goes_on_with_its_own_parameters_in_a_folder_of_its_own(tmp_path, toy):
+    with run_folder(toy.Params(seed=3), "toy-run", tmp_path / "new") as folder:
+        assert not is_complete(folder)
+        with (
+            pytest.raises(InputError, match="is in use by process"),
+            run_folder(toy.Params(), "toy-run", folder, "resume"),
+        ):
+            pytest.fail("two runs in one folder")
+    (folder / "summary.json").write_text('{"metrics": {}}')
+    assert is_complete(folder) and is_done(folder, toy.Params(seed=3, threads=4)) and not is_done(folder, toy.Params())
+    with pytest.raises(InputError, match="--seed 1: is 3 in the run in"):
+        begin_run(toy.Params(), folder, "resume")
+    assert is_complete(folder)
+    begin_run(toy.Params(seed=3), folder, "resume")
+    assert not is_complete(folder)  # it goes on
+    (folder / "summary.json").write_text('{"run_status": "interrupted", "metrics": {}}')
+    assert not is_complete(folder)
+    with pytest.raises(InputError, match=r"holds no config\.toml"):
+        begin_run(toy.Params(), tmp_path / "none", "resume")

@@ -3,35 +3,47 @@
 import numpy as np
 import pytest
 
+from taichi_lsm.core.errors import InputError
+from workflows.common.parameters import Params
 from workflows.protocol.finished_parts import FinishedParts
+
+PARAMS = Params()
 
 
 def test_parts_come_back_to_the_last_bit_and_only_in_a_run_that_goes_on(tmp_path):
     series = {"time": np.linspace(0.0, 1.0, 7) / 3.0, "counts": np.arange(3, dtype=np.int32)}
     rows = [{"scheme": "euler", "drift": 0.1 + 0.2, "seed": np.int64(3), "left": np.inf}]
-    first = FinishedParts(tmp_path, resume=False)
+    first = FinishedParts(tmp_path, PARAMS, resume=False)
     first.put("euler f64", (rows, series))
-    again = FinishedParts(tmp_path, resume=True)
+    again = FinishedParts(tmp_path, PARAMS, resume=True)
     found_rows, found = again.get("euler f64")
     assert found_rows == rows
     assert all(np.array_equal(found[n], series[n]) and found[n].dtype == series[n].dtype for n in series)
     assert again.made("euler f64", pytest.fail)
     assert again.get("verlet") is None and again.made("verlet", lambda: 3.0) == 3.0 == again.get("verlet")
-    assert FinishedParts(tmp_path, resume=False).get("verlet") is None
+    assert FinishedParts(tmp_path, PARAMS, resume=False).get("verlet") is None
 
 
 def test_parts_made_in_processes_are_kept_as_they_end(tmp_path):
-    parts = FinishedParts(tmp_path, resume=True)
+    parts = FinishedParts(tmp_path, PARAMS, resume=True)
     parts.put("second", -1)
     calls = {"first": (divmod, 7, 2), "second": (divmod, 1, 0)}  # the second would fail
-    assert list(parts.made_in_processes(calls)) == [("first", (3, 1)), ("second", -1)]
-    assert FinishedParts(tmp_path, resume=True).get("first") == [3, 1]
+    assert list(parts.made_in_processes(calls)) == [("first", [3, 1]), ("second", -1)]
+    assert FinishedParts(tmp_path, PARAMS, resume=True).get("first") == [3, 1]
 
 
 def test_a_part_that_was_not_written_to_its_end_does_not_count(tmp_path):
-    parts = FinishedParts(tmp_path, resume=True)
+    parts = FinishedParts(tmp_path, PARAMS, resume=True)
     parts.put("one", [1.0, 2.0])
     (tmp_path / "parts" / "one.json").write_text("[1.0, 2")
     assert parts.get("one") is None
     with pytest.raises(TypeError, match="set cannot be kept"):
         parts.put("two", {1.0, 2.0})
+
+
+def test_parts_of_other_parameters_are_refused(tmp_path):
+    FinishedParts(tmp_path, PARAMS, resume=True).put("one", 1.0)
+    assert FinishedParts(tmp_path, Params(threads=2), resume=True).get("one") == 1.0
+    with pytest.raises(InputError, match="was made with other seed; begin anew"):
+        FinishedParts(tmp_path, Params(seed=7), resume=True)
+    assert FinishedParts(tmp_path, Params(seed=7), resume=False).get("one") is None

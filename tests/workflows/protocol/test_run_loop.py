@@ -11,7 +11,7 @@ from workflows.cli import signals
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol import run_loop
 from workflows.protocol.conditions import Reached, Settled
-from workflows.protocol.resume import start_of
+from workflows.protocol.resume import Start, start_of
 from workflows.protocol.run_loop import RunLoop
 from workflows.protocol.schedule import Position, Stage
 
@@ -25,6 +25,7 @@ class World:
         self.thickness = 2.0
         self.dt, self.sim, self.memory, self.grains = 1.0, self, self, self
         self.rows, self.snapshots, self.lines, self.pictures = 0, 0, [], []
+        self.id = "run"
         self.samples, self.saved, self.last_time = [], resumed, -1.0
 
     def __len__(self):
@@ -93,13 +94,16 @@ def schedule(strain=3.0):
 
 
 @pytest.fixture
-def go(monkeypatch):
+def go(monkeypatch, tmp_path):
     """go(world, stages, start): run a schedule to its end or to the signal; returns the loop, or None."""
     monkeypatch.setattr(signals, "SAME_REQUEST_S", 0.0)  # or signals of one test after the other would count as one
     previous = signals.install()
+    for name in ("run.nc", "grains.nc"):
+        (tmp_path / name).write_text("")
 
-    def run(world, stages, position=None):
-        loop = RunLoop(world, world, stages, world.drive, lambda stage, row: None, Stopwatch(), position)
+    def run(world, stages, start=None):
+        start = start or Start()
+        loop = RunLoop(world, world, stages, world.drive, lambda stage, row: None, Stopwatch(), start, {"seed": 1})
         try:
             loop.run()
         except signals.Interrupted:
@@ -111,12 +115,14 @@ def go(monkeypatch):
         state = json.loads(saved)
         restored = lsm.checkpoints.Restored(state, "checkpoint.nc", "")
         monkeypatch.setattr(lsm.checkpoints, "restore_last", lambda sim, out: restored)
-        start, damage = start_of(world, stages, "out", Stopwatch())
+        files = SimpleNamespace(attrs={"id": "run"})
+        monkeypatch.setattr(lsm, "open_run", lambda path: files)
+        start, damage = start_of(world, stages, tmp_path, Stopwatch(), {"seed": 1})
         world.rows, world.snapshots = start.keep
         world.lines, world.pictures = world.lines[: world.rows], world.pictures[: world.snapshots]
         world.last_time = world.pictures[-1][0]
         assert damage == "" and len(world.lines) == world.rows and len(world.pictures) == world.snapshots
-        assert run(world, stages, start.position)
+        assert run(world, stages, start)
         return world
 
     yield SimpleNamespace(run=run, resume=resume)
