@@ -162,8 +162,9 @@ def _check_indices(scene: Scene) -> None:
 def _check_effects(scene: Scene) -> None:
     """Effects that can act together, and with the integrator."""
     names = [e.name for e in scene.effects]
-    if len(set(names)) < len(names):
-        raise InputError(f"Scene.effects: {names}, each effect may be listed once")
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise InputError(f"Scene.effects: {repeated}, each effect may be listed once")
     for role in sorted({e.role for e in scene.effects if e.role}):
         same = [e.name for e in scene.effects if e.role == role]
         if len(same) > 1:

@@ -1,6 +1,7 @@
 """The errors that a caller is expected to catch: `InputError` before a run, `SimulationError` during one."""
 
 import math
+import reprlib
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from typing import Any
@@ -47,6 +48,25 @@ class InputError(ValueError):
     """
 
 
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 120
+_SHORT.maxtuple = _SHORT.maxlist = _SHORT.maxdict = 8
+
+
+def shown(value: object) -> str:
+    """`repr` of a value that anyone may have given, shortened for a message of one line."""
+    try:
+        return _SHORT.repr(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return f"a value of type {type(value).__name__}"
+
+
+def reason(error: BaseException) -> str:
+    """What an error of another library says, on one line and not without end."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 300 else f"{text[:300]}..."
+
+
 def require(condition: object, owner: object, field: str, value: object, allowed: str) -> None:
     """Raise InputError unless the value of a field is allowed.
 
@@ -64,14 +84,14 @@ def require(condition: object, owner: object, field: str, value: object, allowed
         What the field must be, for example "> 0 Pa".
     """
     if not condition:
-        raise InputError(f"{type(owner).__name__}.{field} = {value!r}: must be {allowed}")
+        raise InputError(f"{type(owner).__name__}.{field} = {shown(value)}: must be {allowed}")
 
 
 def finite(value: Any) -> bool:
-    """Whether `value` is one finite number; False for text, None and arrays too."""
+    """Whether `value` is one finite number; False for text, None, arrays and integers beyond all floats too."""
     try:
         return math.isfinite(value)
-    except TypeError:
+    except (TypeError, OverflowError):
         return False
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import InputError
+from ..core.errors import InputError, reason, shown
 
 if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a name left out works all the same
     from .base import Bodies as Bodies
@@ -43,6 +43,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a 
     from .viscous_damping import ViscousDamping as ViscousDamping
 
 FORMER_KEY = "law"  # of a table, in place of "name"
+MOST_EFFECTS = 100  # of a scene: each is compiled
 _BASE = ("Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "finite", "require")
 _SHARED = ("base", "tangential_spring")  # modules that define no effect
 _HOME = dict.fromkeys(_BASE, "base") | {
@@ -104,22 +105,29 @@ def make_effects(tables: Iterable[Mapping[str, Any]]) -> list[Effect]:
         Names what is unknown or missing, what there is, and the nearest name.
     """
     effects, made = find_effects(), []
+    tables = list(tables)
+    if len(tables) > MOST_EFFECTS:
+        raise InputError(f"effects: {len(tables)} tables, must be at most {MOST_EFFECTS}")
     for table in tables:
         if not isinstance(table, Mapping):
             raise InputError(
-                f'effect {table!r}: must be a table such as {{"name": "gravity", "acceleration": [0, -9.81]}}'
+                f'effect {shown(table)}: must be a table such as {{"name": "gravity", "acceleration": [0, -9.81]}}'
             )
         values = dict(table)
         if "name" not in values:
             former = f", formerly called {FORMER_KEY}," if FORMER_KEY in values else ""
-            raise InputError(f"effect {values!r}: name{former} is missing, must be one of {', '.join(effects)}")
+            raise InputError(f"effect {shown(values)}: name{former} is missing, must be one of {', '.join(effects)}")
         name = values.pop("name")
         if not isinstance(name, str) or name not in effects:
-            raise InputError(f"effect {name!r}: unknown, must be one of {', '.join(effects)}{_nearest(name, effects)}")
+            raise InputError(
+                f"effect {shown(name)}: unknown, must be one of {', '.join(effects)}{_nearest(name, effects)}"
+            )
         fields = {field.name: field for field in dataclasses.fields(effects[name])}
         for key in values:
             if key not in fields:
-                raise InputError(f"{name}.{key}: unknown, must be one of {', '.join(fields)}{_nearest(key, fields)}")
+                raise InputError(
+                    f"{name}.{shown(key)[1:-1]}: unknown, must be one of {', '.join(fields)}{_nearest(key, fields)}"
+                )
         lacking = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in values]
         if lacking:
             raise InputError(f"{name}: {', '.join(lacking)} must be given")
@@ -135,8 +143,8 @@ def _plugin(path: Path) -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"plugin {path}: cannot be imported: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(f"plugin {path}: cannot be imported: {reason(error)}") from error
     return module
 
 
