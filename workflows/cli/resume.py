@@ -12,6 +12,7 @@ from cyclopts import App
 from taichi_lsm.core.errors import InputError
 from workflows.common.metrics import failed_claims, read_summary
 from workflows.common.parameter_files import config_in, experiment_of
+from workflows.common.parameter_problems import as_written
 from workflows.common.parameters import merge, option_name
 from workflows.common.run_folder import is_complete
 
@@ -50,7 +51,9 @@ def resume(
     """
     name = experiment_of(folder)
     if name not in found:
-        raise InputError(f"{folder}: holds a run of {name}, must be one of {', '.join(found)}; set LSM_PLUGINS")
+        raise InputError(
+            f"{folder}: holds a run of {as_written(name)}, must be one of {', '.join(found)}; set LSM_PLUGINS"
+        )
     _, bound, _ = app.parse_args([name, *tokens], exit_on_error=False, print_error=False)
     options: dict[str, Any] = {key: value for key, value in bound.kwargs.items() if value is not None}
     wrong = [option_name(key) for key in OF_FOLDER if key in options]

@@ -6,13 +6,13 @@ for that one alone. Two keys are of the file itself: the `experiment` that it wa
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.parameter_problems import as_written, nearest
+from workflows.common.toml_reader import parsed, read_toml
 
 CONFIG = "config.toml"  # what every run writes first, and its folder is known by
 
@@ -77,8 +77,8 @@ def read_for(
         elif isinstance(value, dict) and others:
             names = sorted({experiment, *others} - {""})
             problems.append(
-                f"[{key}] ({path}): unknown table; a table is named after the experiment that it is for, one of "
-                f"{', '.join(names)}.{nearest(key, names)}"
+                f"[{as_written(key)}] ({path}): unknown table; a table is named after the experiment that it is for, "
+                f"one of {', '.join(names)}.{nearest(key, names)}"
             )
         else:
             top[key] = value
@@ -138,7 +138,7 @@ def listed(words: Iterable[str]) -> str:
 def _read(path: Path, problems: list[str]) -> dict[str, Any]:
     """The content of a TOML file; {} and a message in `problems` if it cannot be read."""
     try:
-        return tomllib.loads(_config_text(path) if path.suffix == ".nc" else path.read_text(encoding="utf-8"))
+        return parsed(_config_text(path), path) if path.suffix == ".nc" else read_toml(path)
     except InputError as error:
         problems.append(f"--config {error}.")
     except FileNotFoundError:
@@ -148,10 +148,6 @@ def _read(path: Path, problems: list[str]) -> dict[str, Any]:
         problems.append(f"--config {path}: is a directory, must be a TOML file.")
     except OSError as error:
         problems.append(f"--config {path}: cannot be read: {error.strerror}.")
-    except UnicodeDecodeError:
-        problems.append(f"--config {path}: is not UTF-8 text, must be a TOML file.")
-    except tomllib.TOMLDecodeError as error:
-        problems.append(f"--config {path}: is not valid TOML: {error}.")
     return {}
 
 

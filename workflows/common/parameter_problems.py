@@ -33,8 +33,9 @@ EXPLAINED = (
     "multiple_of",
 )
 
-
 OPTION = re.compile(r"--[\w-]+")
+LONGEST_TEXT = 80  # characters of a value that are shown
+MOST_TEXTS = 6  # items of a list
 
 
 def option_name(field: str) -> str:
@@ -77,7 +78,7 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
         elif name in idle:
             messages[(name,)] = without_effect(name, as_written(values[name]), idle[name], source)
         elif kind(field.annotation) == "toml":
-            place = name + "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in loc[1:])
+            place = name + "".join(f"[{p}]" if isinstance(p, int) else f".{as_written(p)}" for p in loc[1:])
             wrong = _nested(params_class, loc, item, reason)
             messages[loc] = f"{place} = {as_written(item['input'])}{source}: {wrong}"
         else:
@@ -150,9 +151,10 @@ def _models(annotation: Any) -> list[type[pydantic.BaseModel]]:
 
 
 def as_written(value: Any) -> str:
-    """A value as the user wrote it, shortened."""
+    """A value as the user wrote it, shortened; on one line, and with the codes of what cannot be printed."""
     if isinstance(value, str):
-        return value if value and value.strip() == value else repr(value)
-    if isinstance(value, list | tuple):
-        return ",".join(value) if value and all(isinstance(v, str) for v in value) else reprlib.repr(value)
+        short = value if len(value) <= LONGEST_TEXT else f"{value[:LONGEST_TEXT]}..."
+        return short if short.isprintable() and short.strip() == short and short else repr(short)
+    if isinstance(value, list | tuple) and value and all(isinstance(v, str) for v in value):
+        return ",".join([*map(as_written, value[:MOST_TEXTS]), *["..."] * (len(value) > MOST_TEXTS)])
     return reprlib.repr(value)

@@ -24,14 +24,16 @@ from workflows.common.toml_writer import to_toml
 __all__ = ["DEFAULT_PRESET", "ParameterError", "Params", "merge", "nearest", "option_name", "to_toml"]
 
 DEFAULT_PRESET = "standard"
+MOST_PROBLEMS = 40  # that are told
 
 
 class ParameterError(InputError):
-    """One or more mistakes in the parameters. `problems` holds one message for each."""
+    """One or more mistakes in the parameters. `problems` holds one message for each, but for those beyond the first."""
 
     def __init__(self, problems: list[str]) -> None:
-        super().__init__("\n".join(problems))
-        self.problems = list(problems)
+        more = len(problems) - MOST_PROBLEMS
+        self.problems = [*problems[:MOST_PROBLEMS], f"... and {more} mistakes more."] if more > 1 else list(problems)
+        super().__init__("\n".join(self.problems))
 
     def __reduce__(self) -> tuple:
         return ParameterError, (self.problems,)
@@ -167,7 +169,9 @@ def _preset(params_class: type[Params], name: str, problems: list[str]) -> dict[
     presets = {**params_class.presets, DEFAULT_PRESET: params_class.presets.get(DEFAULT_PRESET, {})}
     if name not in presets:
         known = ", ".join(presets)
-        problems.append(f"--preset {name}: unknown preset, must be one of {known}." + nearest(name, presets))
+        problems.append(
+            f"--preset {as_written(name)}: unknown preset, must be one of {known}." + nearest(name, presets)
+        )
     return presets.get(name, {})
 
 
@@ -188,8 +192,8 @@ def _overlaid(
             if key in fields:
                 values[key], sources[key] = value, source
             else:
-                hint = nearest(key, fields)
-                problems.append(f"{key} = {as_written(value)} ({source}): unknown parameter.{hint}")
+                hint = nearest(key, fields) if len(problems) < MOST_PROBLEMS else ""
+                problems.append(f"{as_written(key)} = {as_written(value)} ({source}): unknown parameter.{hint}")
     return values, sources
 
 
