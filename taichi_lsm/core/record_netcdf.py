@@ -11,6 +11,7 @@ Format: NetCDF Classic Format Specification, docs.unidata.ucar.edu/netcdf-c/curr
 """
 
 import io
+import math
 import os
 import struct
 from collections.abc import Callable, Iterable, Mapping
@@ -214,6 +215,8 @@ class _Header:
     """Reads the header of a file from its beginning."""
 
     def __init__(self, file: BinaryIO) -> None:
+        self.length = file.seek(0, os.SEEK_END)
+        file.seek(0)
         self.file = file
         if file.read(len(MAGIC)) != MAGIC:
             raise ValueError(f"does not begin with {MAGIC!r}")
@@ -233,23 +236,22 @@ class _Header:
             if dims and lengths[dims[0]] == 0:
                 variables.append((begin, name, stated))
             else:
-                values = int(np.prod([lengths[d] for d in dims], dtype=np.int64))
+                values = math.prod(lengths[d] for d in dims)
                 ends.append(begin + _rounded(width * values))
         ends.append(self.file.tell())
         variables.sort()
         start, size = variables[0][0] if variables else max(ends), sum(v[2] for v in variables)
         # After the count: a writer that appends meanwhile makes the file longer before it counts.
         length = self.file.seek(0, os.SEEK_END)
-        if length < start:
+        if length < max(start, *ends):
             raise ValueError("it is truncated")
         whole = min(count, (length - start) // size) if size else count
         return RecordLayout(count, whole, start, size, {v[1]: v[2] for v in variables}, texts)
 
     def _bytes(self, size: int) -> bytes:
-        data = self.file.read(size)
-        if len(data) < size:
+        if size > self.length - self.file.tell():  # before anything is allocated
             raise ValueError("it is truncated")
-        return data
+        return self.file.read(size)
 
     def _number(self) -> int:
         return struct.unpack(">I", self._bytes(4))[0]

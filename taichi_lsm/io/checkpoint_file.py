@@ -21,7 +21,8 @@ from ..boundaries.periodic_cell import SHEAR_ROWS
 from ..boundaries.plane_walls import WALL_ROWS
 from ..contact.neighbour_list import grown
 from ..core.atomic_netcdf import write_atomically
-from ..core.errors import InputError, finite
+from ..core.errors import InputError, finite, reason
+from ..core.netcdf_input import opened_netcdf
 from ..core.schema import Variable
 from .global_attributes import package_version
 from .scene_identity import scene_identity
@@ -34,7 +35,6 @@ OF_SCENE = "scene_"  # with which the attributes begin that `scene_identity` giv
 COUNTERS = ("step", "rebuilds")
 COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside NUMBERS and those of `_identity`
 NUMBERS = {"dt": "s", "skin": "m", "list_skin": "m"}
-DECODING = (json.JSONDecodeError, UnicodeDecodeError)
 EXPECTED = "must be a whole file that save_checkpoint wrote"
 LIST_ROWS = (Variable("row_start", ("row",), "i32", "1", "first list slot of each grain", True),)
 PLATEN_ROWS = tuple(
@@ -213,14 +213,14 @@ def _require_same(sim: "Simulation", path: Path, file: netCDF4.Dataset) -> None:
             raise InputError(f"checkpoint {path}: {name} missing, {EXPECTED}")
         theirs = file.getncattr(name)
         if theirs != mine:
-            shown = name.replace(OF_SCENE, "Scene.")
+            field = name.replace(OF_SCENE, "Scene.")
             if name in ("taichi_lsm", "taichi"):
                 raise InputError(
                     f"checkpoint {path}: was written by version {theirs} of {name}, this is {mine}, which may give "
                     "other bits; go on with that version, or begin anew"
                 )
             raise InputError(
-                f"checkpoint {path}: {shown} is {theirs}, but the scene has {mine}; "
+                f"checkpoint {path}: {field} is {theirs}, but the scene has {mine}; "
                 "restore it into a simulation of the scene that it was saved from"
             )
 
@@ -246,8 +246,7 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
     if not path.is_file():
         raise DamagedCheckpointError(f"checkpoint {path}: no such file, {EXPECTED}")
     try:
-        with netCDF4.Dataset(path) as file:
-            file.set_auto_mask(False)
+        with opened_netcdf(path) as file:
             if "format" not in file.ncattrs():
                 raise DamagedCheckpointError(f"checkpoint {path}: is none, {EXPECTED}")
             if file.format != FORMAT:
@@ -266,8 +265,10 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
                 for group, rows, _, _ in _tables(sim)
             }
             drives, run_state = file.drives if sim.platens else "[]", json.loads(file.run_state)
-    except (OSError, RuntimeError, IndexError, AttributeError, KeyError, *DECODING) as error:
-        raise DamagedCheckpointError(f"checkpoint {path}: cannot be read ({error}), {EXPECTED}") from None
+    except InputError:
+        raise
+    except (OSError, RuntimeError, IndexError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise DamagedCheckpointError(f"checkpoint {path}: cannot be read ({reason(error)}), {EXPECTED}") from None
     for name, unit in NUMBERS.items():
         least = "> 0" if name == "dt" else ">= 0"
         if not (finite(numbers[name]) and (numbers[name] > 0.0 or (least == ">= 0" and numbers[name] == 0.0))):

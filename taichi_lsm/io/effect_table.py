@@ -84,5 +84,8 @@ def read_effects(dataset: "xarray.Dataset") -> list[EffectParameter]:
         )
     if VALUE.name not in dataset.variables:
         return []
-    columns = (dataset[f"parameter_{name}"].values.tolist() for name in EffectParameter._fields)
-    return [EffectParameter(*row) for row in zip(*columns, strict=True)]
+    names = [f"parameter_{name}" for name in EffectParameter._fields]
+    wrong = [name for name in names if name not in dataset.variables or dataset[name].dims != (DIMENSION,)]
+    if wrong or dataset[VALUE.name].dtype.kind != "f":
+        raise InputError(f"read_effects: {', '.join(wrong) or VALUE.name} of the run, must be numbers and texts by row")
+    return [EffectParameter(*row) for row in zip(*(dataset[name].values.tolist() for name in names), strict=True)]

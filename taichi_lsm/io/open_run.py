@@ -4,7 +4,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
+from ..core.errors import InputError, reason
+from ..core.netcdf_input import require_readable
 from ..core.record_netcdf import is_record_file, read_layout
 
 if TYPE_CHECKING:
@@ -40,13 +41,16 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     try:
         if is_record_file(path):
             _require_whole(path)
+        require_readable(path)
         dataset = xarray.load_dataset(path, engine="netcdf4")
-    except (OSError, RuntimeError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({error}), {EXPECTED}; it may be truncated or damaged") from None
+        if "stage" in dataset.coords and dataset.stage.dims == ("time",):
+            dataset = dataset.set_xindex("stage")
+    except Exception as error:  # attributes of other types are errors of any kind in xarray
+        raise InputError(
+            f"{path}: cannot be read ({reason(error)}), {EXPECTED}; it may be truncated or damaged"
+        ) from None
     if "run_status" not in dataset.attrs:
         raise InputError(f"{path}: has no attribute run_status, {EXPECTED}")
-    if "stage" in dataset.coords and dataset.stage.dims == ("time",):
-        dataset = dataset.set_xindex("stage")
     return dataset
 
 
@@ -77,15 +81,28 @@ def open_runs(folder: str | PathLike[str]) -> "Dataset":
     paths = sorted(Path(folder).glob("runs/*/run.nc"))
     if not paths:
         raise InputError(f"{folder}: holds no runs/*/run.nc, must be the folder of an experiment of many runs")
-    return xarray.concat(
-        [_in_rows(open_run(path)) for path in paths],
-        dim="run",
-        data_vars="all",
-        coords="different",
-        compat="equals",
-        join="outer",
-        combine_attrs="drop_conflicts",
-    )
+    runs = [_rows_of(path) for path in paths]
+    try:
+        return xarray.concat(
+            runs,
+            dim="run",
+            data_vars="all",
+            coords="different",
+            compat="equals",
+            join="outer",
+            combine_attrs="drop_conflicts",
+        )
+    except Exception as error:  # of whatever differs in runs that do not belong together
+        raise InputError(f"{folder}: runs/*/run.nc cannot be put together ({reason(error)})") from None
+
+
+def _rows_of(path: Path) -> "Dataset":
+    """The run in a file, see `_in_rows`; InputError if it lacks rows or effects."""
+    run = open_run(path)
+    try:
+        return _in_rows(run)
+    except (AttributeError, KeyError, ValueError) as error:
+        raise InputError(f"{path}: is not the run.nc of a layer ({reason(error)}), {EXPECTED}") from None
 
 
 def _in_rows(run: "Dataset") -> "Dataset":

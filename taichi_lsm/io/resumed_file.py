@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core.errors import InputError
+from ..core.errors import InputError, reason, shown
+from ..core.netcdf_input import opened_netcdf
 from .global_attributes import package_version, utc_now
 
 if TYPE_CHECKING:
@@ -34,18 +35,15 @@ def require_rows(path: Path, keep: int, there: int, what: str) -> None:
 @contextmanager
 def opened(path: Path) -> "Iterator[netCDF4.Dataset]":
     """The file at `path`, open for reading; InputError if it is missing or damaged, also where that shows later."""
-    import netCDF4
-
     if not path.is_file():
         raise InputError(f"{path}: cannot be continued, there is no such file; {REMEDY}")
     try:
-        with netCDF4.Dataset(path) as dataset:
-            dataset.set_auto_mask(False)
+        with opened_netcdf(path) as dataset:
             yield dataset
     except InputError:
         raise
     except (OSError, RuntimeError, ValueError) as error:
-        raise InputError(f"{path}: cannot be continued, it is damaged ({error}); {REMEDY}") from None
+        raise InputError(f"{path}: cannot be continued, it is damaged ({reason(error)}); {REMEDY}") from None
 
 
 def require_same_declaration(path: Path, there: "netCDF4.Dataset", image: memoryview, free: Collection[str]) -> None:
@@ -98,7 +96,7 @@ def _differences(there: Any, fresh: Any, free: bool) -> list[str]:
     for key in sorted({*there.ncattrs(), *fresh.ncattrs()}):
         old, new = (np.asarray(v.getncattr(key) if key in v.ncattrs() else "missing") for v in (there, fresh))
         if not np.array_equal(old, new):
-            return [f"the attribute {key} of {name} is {old}, not {new}"]
+            return [f"the attribute {key} of {name} is {shown(str(old))[1:-1]}, not {shown(str(new))[1:-1]}"]
     if free or "time" in expected:
         return []
     old, new = np.asarray(there[...]), np.asarray(fresh[...])

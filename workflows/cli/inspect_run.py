@@ -8,14 +8,17 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
 
-from taichi_lsm.core.errors import InputError
+import taichi_lsm as lsm
+from taichi_lsm.core.errors import InputError, reason
 from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameter_files import CONFIG
+from workflows.common.parameter_problems import as_written
 from workflows.common.parameters import merge, nearest
 
 UNFINISHED = ("running", "interrupted")
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
+UNREADABLE = (OSError, RuntimeError, ValueError)  # what opening or reading a damaged file raises
 FORMER_KEY = "figures"  # of summary.json, in place of "metrics"
 
 
@@ -43,8 +46,6 @@ def print_list(workflows: dict[str, ModuleType]) -> int:
 
 def print_effects() -> int:
     """Print equation, shapes, parameters with units, history per contact and measured cost of every effect."""
-    import taichi_lsm as lsm
-
     saved = json.loads(lsm.data_path("effect_costs.json").read_text(encoding="utf-8"))
     for name, effect in lsm.effects.find_effects().items():
         case = effect.cases()[0]
@@ -147,7 +148,7 @@ def _print_metrics(path: Path) -> None:
             print_summary(summary)
             for line in failed_claims(summary):
                 print(line)
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
         print(f"{FILE}: unreadable")
 
 
@@ -157,8 +158,9 @@ def _attributes(folder: Path) -> dict:
         try:
             with _open(path) as file:
                 found = {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
-                return {name: value for name, value in found.items() if value == value}  # a table may have no step
-        except OSError:
+                texts = {name: as_written(str(value)) for name, value in found.items()}
+                return {name: text for name, text in texts.items() if text != "nan"}  # a table may have no step
+        except UNREADABLE:
             continue
     return {"run_status": "unknown (no readable run.nc)"}
 
@@ -169,13 +171,11 @@ def _contents(path: Path) -> str:
         return f"{path.stat().st_size} bytes"
     try:
         with _open(path) as file:
-            sizes = ", ".join(f"{name} {len(dim)}" for name, dim in file.dimensions.items())
+            sizes = ", ".join(f"{as_written(name)} {len(dim)}" for name, dim in file.dimensions.items())
             return f"{sizes or 'no dimensions'}; {len(file.variables)} variables"
-    except OSError as error:
-        return f"unreadable: {error.strerror or error}"
+    except UNREADABLE as error:
+        return f"unreadable: {getattr(error, 'strerror', None) or reason(error)}"
 
 
 def _open(path: Path):
-    import netCDF4  # not at the top: a command that reads no file does not wait for it
-
-    return netCDF4.Dataset(path)
+    return lsm.opened_netcdf(path)

@@ -23,6 +23,7 @@ from cyclopts import (
 )
 from pydantic.fields import FieldInfo
 
+import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
@@ -35,7 +36,7 @@ from workflows.common.parameter_files import CONFIG
 from workflows.common.parameter_types import allowed, choices_in_words, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
-from workflows.common.run_cost import machine_memory, objections
+from workflows.common.run_cost import objections
 from workflows.common.run_folder import Existing, check_folder
 
 COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
@@ -157,9 +158,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
         ] = False,
     ) -> int:
         """List the workflows and the effects."""
-        if presets:
-            return inspect_run.print_presets(found)
-        return inspect_run.print_effects() if effects else inspect_run.print_list(found)
+        return _listed(found, effects, presets)
 
     def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
         """Show status, metrics and files of the run in a folder."""
@@ -195,6 +194,15 @@ def build_app(found: dict[str, ModuleType]) -> App:
     app.command(resume_run, name="resume", group=others_group)
     app.command(info, name="info", group=others_group)
     return app
+
+
+def _listed(found: dict[str, ModuleType], effects: bool, presets: bool) -> int:
+    try:
+        if presets:
+            return inspect_run.print_presets(found)
+        return inspect_run.print_effects() if effects else inspect_run.print_list(found)
+    except InputError as error:  # of a plugin
+        return _complain(_problems_of(error))
 
 
 def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
@@ -310,7 +318,7 @@ def execute(
         module.check(params)
         cost = module.estimate(params)
         if not (yes or existing == "resume"):  # which is only a part of it
-            problems = objections(cost, machine_memory()) + problems
+            problems = objections(cost, lsm.machine_memory()) + problems
     except InputError as error:
         problems = _problems_of(error) + problems
     if problems:
@@ -357,8 +365,6 @@ def _fields_of_others(module: ModuleType) -> dict[str, set[str]]:
 
 def _check_arch(arch: str) -> None:
     """Refuse a device that this machine does not have, before anything is made."""
-    import taichi_lsm as lsm  # here, since its check imports Taichi
-
     with in_terms_of(f"--arch {arch}", "choose --arch cpu"):
         lsm.check_arch(arch)
 

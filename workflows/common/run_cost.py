@@ -50,14 +50,6 @@ def duration(seconds: float) -> str:
     return f"{seconds:.0f} s"
 
 
-def machine_memory() -> float:
-    """Memory of this machine [bytes]; infinity where the system does not say."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):  # Windows has no sysconf
-        return float("inf")
-
-
 def objections(cost: RunCost, memory: float) -> list[str]:
     """Why a run of this cost is not started unasked on a machine of so much `memory` [bytes]; [] if it is."""
     reasons = []

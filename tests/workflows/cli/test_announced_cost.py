@@ -30,7 +30,7 @@ def test_what_a_run_takes_is_said_before_it_starts(toy, monkeypatch, capsys):
 )
 def test_what_takes_very_much_is_started_only_with_yes(toy, monkeypatch, tmp_path, capsys, cost, words):
     monkeypatch.setattr(toy, "estimate", lambda params: cost)
-    monkeypatch.setattr("workflows.cli.main.machine_memory", lambda: 1e10)
+    monkeypatch.setattr("taichi_lsm.machine_memory", lambda: 1e10)
     assert main(["toy-run"]) == 2
     assert words in capsys.readouterr().err and not (tmp_path / "out").exists()
     assert main(["toy-run", "--yes"]) == 0
