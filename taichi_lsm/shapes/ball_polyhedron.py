@@ -102,6 +102,10 @@ class BallPolyhedron(GrainShape):
                 raise InputError(f"{field} has shape {getattr(self, field).shape}: must be {shape}")
         if self.dim != 3:
             raise InputError(f"dim = {self.dim}: a ball-polyhedron is 3D")
+        if min(self.face_count, self.edge_count, self.vertex_count) < 0 or count == 0:
+            raise InputError(f"face_count, edge_count, vertex_count: must be >= 0, and not all 0, in all {count}")
+        if self.first_bound[0] != 0 or np.any(np.diff(self.first_bound) < 0):
+            raise InputError("first_bound: must begin with 0 and not decrease")
         if not 0 < self.dilation <= self.overlap_limit:
             raise InputError(
                 f"dilation = {self.dilation}: must be > 0 and at most overlap_limit = {self.overlap_limit}"

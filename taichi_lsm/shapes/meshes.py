@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
+from ..core.errors import InputError, reason
 from .ball_polyhedron import BallPolyhedron
 from .dilated_balls import SLACK, ball_polyhedron_and_frame
 from .geometry import even_directions, least_tangent_radii
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import trimesh
 
 MOST_TRIANGLES = 1_000_000
+MOST_BYTES = 300_000_000  # of a file: so many triangles in text
+FORMATS = ("stl", "ply", "obj")
 COPLANAR = np.radians(5.0)  # facets of the hull whose normals differ by less are one face
 FLATTEST = 50.0  # radius of a face in sizes, for meshes with flat faces
 SMALLEST_FACE = 1e-4  # of the surface: smaller facets are left to the rounding
@@ -108,10 +110,17 @@ def _checked(mesh: str | PathLike[str] | trimesh.Trimesh) -> trimesh.Trimesh:
         label = f"mesh {path}"
         if not path.is_file():
             raise InputError(f"mesh {path}: no such file")
-        try:
-            mesh = trimesh.load_mesh(path)
+        kind = path.suffix.lower().removeprefix(".")
+        if kind not in FORMATS or path.stat().st_size > MOST_BYTES:
+            raise InputError(
+                f"mesh {path}: {path.stat().st_size} bytes of format {kind or 'unknown'}, must be at most {MOST_BYTES} "
+                f"bytes of {', '.join(FORMATS)}"
+            )
+        try:  # from an open file: other files that it names, such as materials, are not looked for
+            with open(path, "rb") as file:
+                mesh = trimesh.load_mesh(file, file_type=kind, **({"skip_materials": True} if kind == "obj" else {}))
         except Exception as error:  # each reader has errors of its own
-            raise InputError(f"mesh {path}: cannot be read ({error})") from None
+            raise InputError(f"mesh {path}: cannot be read ({reason(error)})") from None
         if not isinstance(mesh, trimesh.Trimesh):
             raise InputError(f"mesh {path}: holds no single triangle mesh")
     count = len(mesh.faces)

@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import InputError, SimulationError
 from .arc_chain import CHAIN_TOLERANCE, ArcChain
 from .geometry import cross_2d, deepest_point, unit_normals
-from .input_checks import check_at_least, check_positive, number_array
+from .input_checks import check_at_least, check_between, check_positive, number_array
 from .voronoi_tiles import SHORT_SIDE, polygon_measures
 
 # Gauss-Legendre on [-1, 1]. The integrands are trigonometric polynomials of degree 3 on arcs of less than pi; with 16
 # nodes the remainder is below 1e-17 of the integrand. Closed forms would cancel on the narrow, flat arcs of the sides.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
+MOST_ARCS = 1000  # of a corner
 LEAST_TURN = 1e-6  # rad: a corner that turns by less joins its two sides into one
 LARGEST_RADIUS = 10.0  # of an arc, in equivalent diameters, unless long sides need more
 SPANNING_RADIUS = 11.65  # likewise: sides that need more than this get it
@@ -265,7 +266,7 @@ def _check_fit(
     """Refuse parameters of `from_polygon` out of range, for a polygon of equivalent diameter `size`."""
     if not 0 < side_half_width < 0.5 * np.pi:
         raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
-    check_at_least("arcs_per_corner", arcs_per_corner, 1)
+    check_between("arcs_per_corner", arcs_per_corner, 1, MOST_ARCS)
     check_positive("corner_radius", corner_radius)
     if largest_radius is not None and not corner_radius <= largest_radius * size:
         raise InputError(

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.atomic_netcdf import write_atomically
-from ..core.errors import InputError
+from ..core.errors import InputError, reason, shown
+from ..core.netcdf_input import opened_netcdf
 from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
 from .base import GrainShape
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 CLASSES = {cls.__name__: cls for cls in (ArcChain, BallPolyhedron, PatchGrain, Union)}
 UNITS = {"half_angle": "rad"}
+MOST_SHAPES = 100_000  # of a file, and convex parts of a union
+MOST_ROWS = 100_000  # of an array of one shape
 
 
 def save_shapes(path: str | PathLike[str], shapes: Sequence[GrainShape]) -> None:
@@ -103,19 +107,38 @@ def load_shapes(path: str | PathLike[str]) -> list[GrainShape]:
     InputError
         If the file does not exist, cannot be read or holds something else; the message names the file and the cause.
     """
-    import netCDF4
-
     path = Path(path)
     if not path.is_file():
         raise InputError(f"shapes {path}: no such file")
     try:
-        with netCDF4.Dataset(path) as file:
-            file.set_auto_mask(False)
+        with opened_netcdf(path) as file:
             if "shapes" not in file.ncattrs():
                 raise InputError(f"shapes {path}: the attribute `shapes` is missing, so it holds no shapes")
-            return [_read(_group(file, f"shape_{k}", path), path) for k in range(int(file.getncattr("shapes")))]
-    except OSError as error:
-        raise InputError(f"shapes {path}: cannot be read as NetCDF ({error})") from None
+            return [_read(_group(file, f"shape_{k}", path), path) for k in range(_count(file, "shapes", path))]
+    except InputError:
+        raise
+    except (OSError, RuntimeError, ValueError) as error:
+        raise InputError(f"shapes {path}: cannot be read as NetCDF ({reason(error)})") from None
+
+
+def _count(group: Dataset | Group, name: str, path: Path) -> int:
+    """The attribute that says how many shapes a group holds."""
+    count = group.getncattr(name)
+    if not (isinstance(count, np.integer) and 0 <= count <= MOST_SHAPES):
+        raise InputError(f"shapes {path}: the attribute {name} is {shown(count)}, must be 0 to {MOST_SHAPES}")
+    return int(count)
+
+
+def _array(group: Group, name: str, path: Path) -> NDArray | float:
+    """A variable of numbers."""
+    variable = group.variables[name]
+    if variable.dtype is str or variable.dtype.kind not in "fi" or any(n > MOST_ROWS for n in variable.shape):
+        raise InputError(
+            f"shapes {path}: {group.name}: {name} is of type {variable.dtype} and shape {variable.shape}, must be "
+            f"numbers, at most {MOST_ROWS} rows"
+        )
+    array = variable[...]
+    return array.item() if array.ndim == 0 else np.asarray(array)
 
 
 def _group(parent: Dataset, name: str, path: Path) -> Group:
@@ -128,21 +151,20 @@ def _group(parent: Dataset, name: str, path: Path) -> Group:
 def _read(group: Group, path: Path) -> GrainShape:
     """The shape of one group."""
     name = group.getncattr("class") if "class" in group.ncattrs() else None
-    if name not in CLASSES:
-        raise InputError(f"shapes {path}: {group.name} is of class {name!r}, must be one of {', '.join(CLASSES)}")
+    if not isinstance(name, str) or name not in CLASSES:
+        raise InputError(f"shapes {path}: {group.name} is of class {shown(name)}, must be one of {', '.join(CLASSES)}")
     values = {}
     for field in fields(CLASSES[name]):
         if field.name == "members":
-            count = int(group.members) if "members" in group.ncattrs() else 0
+            count = _count(group, "members", path) if "members" in group.ncattrs() else 0
             values["members"] = tuple(_read(_group(group, f"member_{k}", path), path) for k in range(count))
         elif field.name in group.variables:
-            array = group.variables[field.name][...]
-            values[field.name] = array.item() if array.ndim == 0 else np.asarray(array)
+            values[field.name] = _array(group, field.name, path)
         elif field.name in group.ncattrs():
             values[field.name] = str(group.getncattr(field.name))
         else:
             raise InputError(f"shapes {path}: {group.name} lacks {field.name}")
     try:
         return CLASSES[name](**values)
-    except (ValueError, TypeError, IndexError) as error:
-        raise InputError(f"shapes {path}: {group.name}: {error}") from None
+    except (ValueError, TypeError, IndexError, ArithmeticError) as error:
+        raise InputError(f"shapes {path}: {group.name}: {reason(error)}") from None

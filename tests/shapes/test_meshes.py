@@ -139,3 +139,18 @@ def test_bad_meshes_get_a_clear_answer(tmp_path):
     text.write_text("no mesh at all")
     with pytest.raises(InputError, match=r"text.stl"):
         from_mesh(text)
+
+
+def test_only_meshes_are_read_and_no_file_that_they_name(tmp_path, monkeypatch):
+    path = tmp_path / "scene.gltf"
+    path.write_text('{"buffers": [{"uri": "../secret"}]}')
+    with pytest.raises(InputError, match=r"scene\.gltf: 35 bytes of format gltf, must be at most .* of stl, ply, obj"):
+        from_mesh(path)
+    path = tmp_path / "box.obj"
+    trimesh.creation.box().export(path)
+    path.write_text(f"mtllib secret.mtl\n{path.read_text()}")
+    (tmp_path / "secret.mtl").write_text("newmtl a\n")
+    opened = []
+    monkeypatch.setattr(trimesh.resolvers.FilePathResolver, "get", lambda self, name: opened.append(name))
+    from_mesh(path, 6)
+    assert opened == []

@@ -59,3 +59,39 @@ def test_a_file_that_cannot_be_written_is_an_input_error(tmp_path):
     with pytest.raises(InputError, match="'a disc' is not one of"):
         lsm.shapes.save_shapes(tmp_path / "shapes.nc", ["a disc"])
     assert not list(tmp_path.iterdir())
+
+
+def less_than_no_face(file):
+    """Of the 26 features of a cube."""
+    for name, count in {"face_count": -1, "edge_count": 19, "vertex_count": 8}.items():
+        file["shape_0"][name].assignValue(count)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda file: file.setncattr("shapes", "two"), "attribute shapes is 'two', must be 0 to 100000"),
+        (lambda file: file.setncattr("shapes", 1e12), "attribute shapes is .*, must be 0 to 100000"),
+        (lambda file: file["shape_0"].setncattr("class", np.arange(3)), "is of class"),
+        (lambda file: file["shape_1"].setncattr("members", np.int64(10**12)), "attribute members is"),
+        (lambda file: file["shape_0"]["first_bound"].__setitem__(2, 10**9), "first_bound: must begin with 0"),
+        (less_than_no_face, "face_count, edge_count, vertex_count: must be >= 0"),
+    ],
+)
+def test_altered_files_are_refused(tmp_path, change, words):
+    path = tmp_path / "shapes.nc"
+    lsm.shapes.save_shapes(path, [lsm.shapes.regular_polyhedron(6), lsm.shapes.crossed_bars()])
+    with netCDF4.Dataset(path, "a") as file:
+        change(file)
+    with pytest.raises(InputError, match=rf"shapes\.nc: .*{words}"):
+        lsm.shapes.load_shapes(path)
+
+
+def test_a_text_in_place_of_numbers_is_refused(tmp_path):
+    path = tmp_path / "shapes.nc"
+    lsm.shapes.save_shapes(path, [lsm.disc()])
+    with netCDF4.Dataset(path, "a") as file:
+        file["shape_0"].renameVariable("measure", "former")
+        file["shape_0"].createVariable("measure", str)[...] = "much"
+    with pytest.raises(InputError, match=r"measure is of type .*, must be numbers"):
+        lsm.shapes.load_shapes(path)
