@@ -40,6 +40,8 @@ def data_path(name: str, folders: Sequence[Path] = (PACKAGE / "data", PACKAGE.pa
     InputError
         If there is no such file; the message lists those there are.
     """
+    if Path(name).name != name:
+        raise InputError(f"data file {name!r}: must be the name of a file, without a folder")
     for folder in folders:
         if (folder / name).is_file():
             return folder / name

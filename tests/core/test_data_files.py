@@ -81,3 +81,11 @@ def test_first_folder_wins_and_missing_files_are_named(tmp_path):
         data_path("two.csv", folders)
     with pytest.raises(lsm.InputError, match="available are none"):
         data_path("two.csv", (tmp_path / "absent",))
+
+
+def test_no_name_leads_out_of_the_folder(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "secret.csv").touch()
+    for name in ("../secret.csv", str(tmp_path / "secret.csv")):
+        with pytest.raises(lsm.InputError, match="must be the name of a file, without a folder"):
+            data_path(name, (tmp_path / "data",))

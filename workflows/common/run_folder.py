@@ -35,6 +35,7 @@ PICTURES = ("run", "stopped", "friction", "energy", "roughness", "work_precision
 WRITTEN = {
     *TEXTS,
     *(f"{name}.nc" for name in TABLES),
+    f".{CONFIG}.part",
     *(f".{name}.nc.part" for name in TABLES),  # of a process that was killed while it wrote
     *(f"{name}.{kind}" for name in PICTURES for kind in ("png", "pdf", "svg")),
 }
@@ -66,10 +67,18 @@ def check_folder(
         raise InputError(f"{name} {folder}: {problem}.")
 
 
+def _within(folder: Path) -> Iterator[Path]:
+    """What a run may write to: everything in its folder, in those of its runs, and in that of its parts."""
+    for pattern in ("*", ".*", "runs/*", "runs/*/*", f"{PARTS}/*"):
+        yield from folder.glob(pattern)
+
+
 def _problem(folder: Path, existing: Existing, permission: str) -> str | None:
     if folder.is_dir():
         if not os.access(folder, os.W_OK | os.X_OK):
             return "may not be written to"
+        if links := [path for path in _within(folder) if path.is_symlink()]:
+            return f"holds the link {links[0].relative_to(folder)}, over which a run would write elsewhere; remove it"
         if existing == "refuse" and any(not LEFT_BY_KILLS.fullmatch(path.name) for path in folder.iterdir()):
             return f"is not empty, must be new or empty unless {permission} is given"
         return None

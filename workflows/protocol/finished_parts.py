@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -19,6 +20,7 @@ from workflows.common.parameters import Params
 from workflows.common.run_folder import PARTS
 
 PARAMETERS = "parameters"  # the file that tells with which the parts were made
+MOST_ITEM = 2**16  # bytes of a number or text in an array
 
 
 class FinishedParts:
@@ -45,16 +47,19 @@ class FinishedParts:
             self.clear()
         acting = params.model_dump(mode="json", exclude=set(params.without_result))
         former = self.get(PARAMETERS)
-        if former is not None and former != acting:
+        if isinstance(former, dict) and former != acting:
             differing = ", ".join(name for name in acting if former.get(name) != acting[name])
             raise InputError(f"{self.folder}: was made with other {differing}; begin anew, or with these as they were")
         self._parameters = acting
 
     def get(self, name: str) -> Any:
-        """Result of the part `name`, numbers to the last bit; None if it is not there or not written to its end."""
+        """Result of the part `name`, exact to the last bit; None if it is not there, or not as it was written."""
         try:
-            return json.loads(self._path(name).read_text(encoding="utf-8"), object_hook=_revived)
-        except (FileNotFoundError, json.JSONDecodeError):
+            kept = json.loads(self._path(name).read_text(encoding="utf-8"))
+            if kept["digest"] != _digest(kept["result"]):
+                return None
+            return json.loads(kept["result"], object_hook=_revived)
+        except (OSError, ValueError, KeyError, TypeError, RecursionError, MemoryError):
             return None
 
     def put(self, name: str, result: Any) -> Any:
@@ -68,7 +73,8 @@ class FinishedParts:
     def _write(self, name: str, content: Any) -> None:
         path = self._path(name)
         temporary = path.with_suffix(".part")
-        temporary.write_text(json.dumps(content, default=_plain), encoding="utf-8")
+        text = json.dumps(content, default=_plain)
+        temporary.write_text(json.dumps({"digest": _digest(text), "result": text}), encoding="utf-8")
         os.replace(temporary, path)
 
     def made(self, name: str, make: Callable[[], Any]) -> Any:
@@ -107,6 +113,10 @@ class FinishedParts:
         return self.folder / f"{name}.json"
 
 
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return {"array": value.tolist(), "dtype": value.dtype.str}
@@ -116,4 +126,9 @@ def _plain(value: Any) -> Any:
 
 
 def _revived(value: dict[str, Any]) -> Any:
-    return np.array(value["array"], value["dtype"]) if set(value) == {"array", "dtype"} else value
+    if set(value) != {"array", "dtype"}:
+        return value
+    kind = np.dtype(value["dtype"])
+    if kind.kind not in "biufU" or kind.itemsize > MOST_ITEM:  # of a file that another program wrote
+        raise TypeError(f"an array of type {kind}")
+    return np.array(value["array"], kind)

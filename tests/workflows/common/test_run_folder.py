@@ -114,3 +114,16 @@ def test_a_run_goes_on_with_its_own_parameters_in_a_folder_of_its_own(tmp_path, 
     assert not is_complete(folder)
     with pytest.raises(InputError, match=r"holds no config\.toml"):
         begin_run(toy.Params(), tmp_path / "none", "resume")
+
+
+@pytest.mark.parametrize("name", [".run.nc.part", "config.toml", "runs/a/run.nc", "parts", "runs"])
+@pytest.mark.parametrize("existing", ["refuse", "overwrite", "resume"])
+def test_nothing_is_written_through_a_link(tmp_path, toy, name, existing):
+    """The folder of a run may come from someone else."""
+    (tmp_path / "mine").write_text("mine")
+    link = tmp_path / "run" / name
+    link.parent.mkdir(parents=True)
+    link.symlink_to(tmp_path / "mine")
+    with pytest.raises(InputError, match=rf"holds the link {name}, over which"):
+        begin_run(toy.Params(), tmp_path / "run", existing)
+    assert (tmp_path / "mine").read_text() == "mine"

@@ -47,3 +47,23 @@ def test_parts_of_other_parameters_are_refused(tmp_path):
     with pytest.raises(InputError, match="was made with other seed; begin anew"):
         FinishedParts(tmp_path, Params(seed=7), resume=True)
     assert FinishedParts(tmp_path, Params(seed=7), resume=False).get("one") is None
+
+
+@pytest.mark.parametrize("text", ["[" * 10_000, '{"digest": 1}', "[]", "\xff", '{"result": "{}", "digest": "0"}'])
+def test_a_part_that_was_altered_does_not_count(tmp_path, text):
+    parts = FinishedParts(tmp_path, PARAMS, resume=True)
+    parts.put("one", {"energy": np.arange(3.0)})
+    path = tmp_path / "parts" / "one.json"
+    flipped = path.read_text().replace("1.0", "7.0")
+    assert flipped != path.read_text() and parts.get("one")["energy"].tolist() == [0.0, 1.0, 2.0]
+    for altered in (flipped, text):
+        path.write_text(altered, encoding="latin-1")
+        assert parts.get("one") is None
+
+
+def test_no_array_of_a_kept_part_is_of_a_type_that_takes_all_memory(tmp_path):
+    parts = FinishedParts(tmp_path, PARAMS, resume=True)
+    for kind in ("V1000000000000", "O", "S9999999"):
+        parts.folder.mkdir(exist_ok=True)
+        parts._write("one", {"array": [0], "dtype": kind})
+        assert parts.get("one") is None
