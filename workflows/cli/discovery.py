@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 import workflows
+from taichi_lsm.core.errors import reason
 from workflows.common.parameters import Params
 
 PLUGINS = "LSM_PLUGINS"
@@ -54,10 +55,12 @@ def is_workflow(path: Path) -> bool:
     """Whether a file defines `Params` and `run` at its top level; DiscoveryError if it is no Python."""
     try:
         tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
+    except (RecursionError, MemoryError):
+        raise DiscoveryError(f"{path}: cannot be read: it is nested too deeply.") from None
     except SyntaxError as error:
         raise DiscoveryError(f"{path}, line {error.lineno}: not valid Python: {error.msg}.") from error
     except (OSError, ValueError) as error:
-        raise DiscoveryError(f"{path}: cannot be read: {error}.") from error
+        raise DiscoveryError(f"{path}: cannot be read: {reason(error)}.") from error
     names = set()
     for node in tree.body:
         if isinstance(node, ast.ClassDef | ast.FunctionDef):
@@ -84,11 +87,12 @@ def find_workflows() -> dict[str, ModuleType]:
     for path in workflow_files():
         try:
             module = importlib.import_module(f"workflows.{path.stem}")
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             where = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
             line = f", line {where[-1].lineno}" if where else ""
-            reason = f"{type(error).__name__}: {error}"
-            raise DiscoveryError(f"{path}{line}: cannot be imported: {reason}") from error
+            raise DiscoveryError(
+                f"{path}{line}: cannot be imported: {type(error).__name__}: {reason(error)}"
+            ) from error
         if not (isinstance(module.Params, type) and issubclass(module.Params, Params)):
             raise DiscoveryError(f"{path}: Params must be a subclass of workflows.common.parameters.Params.")
         if list(inspect.signature(module.run).parameters) != list(RUN_TAKES):

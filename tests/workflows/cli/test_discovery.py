@@ -77,3 +77,19 @@ def test_a_run_that_lacks_an_argument_is_refused(plugins):
     (plugins / "old_run.py").write_text(text.replace(', existing="refuse"', ""))
     with pytest.raises(DiscoveryError, match=r"old_run.py: run must take params, out, progress, existing, in this"):
         find_workflows()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "class Params: 1\ndef run(): 1\nraise SystemExit(3)",
+        "class Params: 1\ndef run(): 1\nraise OSError('a\\nb')",
+        f"x = {5000 * '('}",
+        f"x = {200_000 * '-'}1",
+    ],
+)
+def test_whatever_a_plugin_raises_is_one_line(plugins, text):
+    (plugins / "odd.py").write_text(text)
+    with pytest.raises(DiscoveryError, match=r"odd\.py.*: (cannot be|not valid Python)") as caught:
+        find_workflows()
+    assert "\n" not in str(caught.value)
