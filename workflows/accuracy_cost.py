@@ -164,6 +164,9 @@ class Params(BaseParams):
                 f"--long-strain {self.long_strain:g}: must be 0, for no such runs, or >= {LEAST_LONG:g}, so that "
                 "windows of several widths fit into the steady state"
             )
+        more = max(self.seeds, self.long_runs, self.replicas) - 1
+        if self.seed + more >= 2**31:
+            problems.append(f"--seed {self.seed}: must be <= {2**31 - 1 - more}, for the last of so many runs")
         if problems:
             raise ValueError("; ".join(problems))
         return self

@@ -35,8 +35,8 @@ def opened_netcdf(path: Path) -> "Iterator[netCDF4.Dataset]":
     ------
     ValueError
         If it is damaged, or declares more than it can hold or the machine has memory for.
-    OSError, RuntimeError
-        If the library cannot read it.
+    OSError, RuntimeError, AttributeError
+        If the library cannot read it, or within the block a variable or an attribute.
     """
     import netCDF4
 

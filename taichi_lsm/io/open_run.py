@@ -101,7 +101,7 @@ def _rows_of(path: Path) -> "Dataset":
     run = open_run(path)
     try:
         return _in_rows(run)
-    except (AttributeError, KeyError, ValueError) as error:
+    except Exception as error:  # of whatever is declared otherwise
         raise InputError(f"{path}: is not the run.nc of a layer ({reason(error)}), {EXPECTED}") from None
 
 

@@ -42,7 +42,7 @@ def opened(path: Path) -> "Iterator[netCDF4.Dataset]":
             yield dataset
     except InputError:
         raise
-    except (OSError, RuntimeError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError, AttributeError) as error:  # the last of an attribute
         raise InputError(f"{path}: cannot be continued, it is damaged ({reason(error)}); {REMEDY}") from None
 
 

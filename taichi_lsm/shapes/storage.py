@@ -117,7 +117,7 @@ def load_shapes(path: str | PathLike[str]) -> list[GrainShape]:
             return [_read(_group(file, f"shape_{k}", path), path) for k in range(_count(file, "shapes", path))]
     except InputError:
         raise
-    except (OSError, RuntimeError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError, AttributeError) as error:  # the last of an attribute
         raise InputError(f"shapes {path}: cannot be read as NetCDF ({reason(error)})") from None
 
 

@@ -250,3 +250,16 @@ def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
     unknown = target_error.reached(table, params, [0.25, 0.26], [np.nan, np.nan], "0.4")
     of_table = table["times_strain"] / (params.strain - params.steady_from) + table["between_seeds"]
     assert unknown == pytest.approx(target_error.CAUTION * 1.96 * np.sqrt(of_table / 2) + 0.001)
+
+
+def test_seeds_of_all_runs_fit_their_column():
+    with pytest.raises(InputError, match=r"^--seed 2147483643: must be <= 2147483632, for the last of so many runs\.$"):
+        merge(accuracy_cost.Params, options={"seed": "2147483643", "seeds": "16"})
+
+
+def test_the_foreseen_cost_grows_with_the_seeds():
+    few, many = (
+        accuracy_cost.estimate(merge(accuracy_cost.Params, options={"seeds": n, "long_strain": "0"})) for n in "24"
+    )
+    none = 2 * few.seconds - many.seconds  # of all but the layers
+    assert 0 < none < few.seconds < many.seconds and few.memory == many.memory

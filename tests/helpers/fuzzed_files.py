@@ -22,7 +22,7 @@ import netCDF4
 import numpy as np
 
 import taichi_lsm as lsm
-from tests.helpers import output_files
+from tests.helpers import output_files, scenes
 from tests.helpers.changed_files import changed
 from workflows import shear_gouge
 from workflows.cli import inspect_run
@@ -194,8 +194,34 @@ READERS = {
     "ply": (functools.partial(mesh_file, "ply"), read_mesh),
     "obj": (functools.partial(mesh_file, "obj"), read_mesh),
 }
-NETCDF = ("shapes", "run", "grains", "table", "runs", "kept run", "kept grains", "run as config", "info")
+NETCDF = ("checkpoint", "shapes", "run", "grains", "table", "runs", "kept run", "kept grains", "run as config", "info")
 GOOD = {}  # kind: path of a good file
+SIMULATION = []  # of a child that reads checkpoints
+
+
+def prepare_checkpoints():
+    """Two discs that touch between walls and platens, compiled; for a child alone, as Taichi does not survive a fork."""
+    platens = [lsm.Platen("top", [lsm.ConstantVelocity(0.1), lsm.Fixed()])]
+    scene = scenes.scene(
+        [[1.0, 1.0], [1.99, 1.0], [1.0, 3.0]], scenes.frictional(), platen_index=[-1, -1, 0], platens=platens
+    )
+    SIMULATION.append(lsm.Simulation(scene))
+    SIMULATION[0].run(10)
+    READERS["checkpoint"] = (None, read_checkpoint)
+
+
+def make_checkpoint(path):
+    """A checkpoint of it; in a process of its own."""
+    prepare_checkpoints()
+    lsm.save_checkpoint(SIMULATION[0], path, {"rows": 3})
+
+
+def read_checkpoint(path):
+    """Restore the simulation, and run it on."""
+    sim = SIMULATION[0]
+    assert lsm.restore_checkpoint(sim, path) == {"rows": 3}
+    with suppress(lsm.SimulationError):  # a state may be changed together with its digest, but not into any state
+        sim.run(2)
 
 
 def make_good_files(folder):
@@ -221,10 +247,12 @@ def attempt(kind, path):
     return Result(outcome, message, time.process_time() - began)
 
 
-def serve(pipe, mothers, folder):
+def serve(pipe, mothers, folder, prepare):
     """The child: do what it is asked for until the pipe closes."""
     mothers.close()
     faulthandler.disable()
+    if prepare:
+        prepare()
     sys.stdout = sys.stderr = open(os.devnull, "w")  # noqa: SIM115  as long as the process lives
     warnings.simplefilter("ignore")
     with open("/proc/self/statm") as file:
@@ -248,15 +276,15 @@ def serve(pipe, mothers, folder):
 class Child:
     """A process that makes or reads files one by one; another one takes its place if it dies."""
 
-    def __init__(self, folder):
-        self.folder, self.process, self.count = folder, None, 0
+    def __init__(self, folder, prepare=None):
+        self.folder, self.process, self.count, self.prepare = folder, None, 0, prepare
 
     def ask(self, *request):
         """What it answers; a text that says how it ended if it does not."""
         if self.process is None:
             self.pipe, theirs = multiprocessing.Pipe()
             self.count += 1
-            arguments = (theirs, self.pipe, self.folder / str(self.count))
+            arguments = (theirs, self.pipe, self.folder / str(self.count), self.prepare)
             self.process = multiprocessing.get_context("fork").Process(target=serve, args=arguments, daemon=True)
             self.process.start()
             theirs.close()

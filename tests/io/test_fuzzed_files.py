@@ -3,6 +3,7 @@
 `make validate` tries 2000 files and more, `make test` some of each kind.
 """
 
+import multiprocessing
 from collections import Counter
 
 import pytest
@@ -67,6 +68,22 @@ def test_a_file_is_read_or_refused_by_name(children, kind):
     count, (longest, steps) = tried(children, kind, SHORT)
     assert count["valid"] + count["refused"] >= SHORT // 2
     assert longest < 5 * SLOWEST, steps  # a hang, whatever else the machine does
+
+
+@pytest.mark.validate
+def test_checkpoints_are_restored_or_refused_by_name(children, tmp_path):
+    fuzzed_files.GOOD["checkpoint"] = tmp_path / "checkpoint.nc"
+    context = multiprocessing.get_context("fork")
+    process = context.Process(target=fuzzed_files.make_checkpoint, args=(fuzzed_files.GOOD["checkpoint"],))
+    process.start()
+    process.join()
+    maker = fuzzed_files.Child(tmp_path / "made")
+    reader = fuzzed_files.Child(tmp_path / "read", fuzzed_files.prepare_checkpoints)
+    count, longest = tried((maker, reader), "checkpoint", LONG)
+    maker.close()
+    reader.close()
+    print(f"checkpoint: {dict(count)}, longest {longest[0]:.2f} s")
+    assert count["refused"] > 0.5 * LONG and longest[0] < SLOWEST
 
 
 @pytest.mark.validate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,11 +73,12 @@ def _shapes(params: Params) -> list[RunCost]:
 
 def _layers(params: Params) -> list[RunCost]:
     """Layers of every setting, one after the other, and the long ones, two at a time."""
-    costs = []
+    costs, one = [], params.model_copy(update={"seeds": 1})  # no cost depends on the seed
     for shape in dict.fromkeys(params.shapes + params.long_shapes):
         parameters = params.parameters if shape in params.shapes else ["step_safety"]
-        jobs = {job[0]: job[2] for job in gouge.jobs_of(params, shape, parameters, Path()).values()}
-        costs += [layer_cost(of_run) for of_run in jobs.values()]
+        jobs = {job[0]: job[2] for job in gouge.jobs_of(one, shape, parameters, Path()).values()}
+        for cost in map(layer_cost, jobs.values()):
+            costs.append(replace(cost, steps=params.seeds * cost.steps, seconds=params.seeds * cost.seconds))
         if params.long_strain and shape in params.long_shapes:
             long = layer_cost(gouge.layer(params, shape, params.seed, strain=params.long_strain))
             costs += [long, of_replicas([long] * (params.long_runs - 1), 2)]

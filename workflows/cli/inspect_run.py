@@ -18,7 +18,7 @@ from workflows.common.parameters import merge, nearest
 UNFINISHED = ("running", "interrupted")
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
-UNREADABLE = (OSError, RuntimeError, ValueError)  # what opening or reading a damaged file raises
+UNREADABLE = (OSError, RuntimeError, ValueError, AttributeError)  # what opening or reading a damaged file raises
 FORMER_KEY = "figures"  # of summary.json, in place of "metrics"
 
 

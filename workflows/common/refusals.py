@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pydantic
 
 from taichi_lsm.core.errors import InputError
-from workflows.common.parameter_problems import without_effect
+from workflows.common.parameter_problems import as_written, option_name, without_effect
 from workflows.common.parameters import OfOneWorkflow, ParameterError, Params
 
 
@@ -23,9 +23,9 @@ def checked(params_class: type[OfOneWorkflow], **values: object) -> OfOneWorkflo
     except pydantic.ValidationError as error:
         reasons = []
         for item in error.errors(include_url=False):
-            reason = str(item.get("ctx", {}).get("error", "")) or item["msg"]
-            name = ".".join(map(str, item["loc"]))
-            reasons.append(f"{name} {item['input']!r}: {reason}" if name else reason)
+            reason = str(item.get("ctx", {}).get("error", "")) or item["msg"].replace("Input should", "must")
+            name = option_name(".".join(map(str, item["loc"])))
+            reasons.append(f"{name} {as_written(item['input'])}: {reason}" if item["loc"] else reason)
         raise InputError("; ".join(reasons)) from error
 
 

@@ -50,7 +50,9 @@ def tried(name, path, examples):
             check_message(error, name, text, path)
         else:
             path.write_text(to_toml(params, name), encoding="utf-8")
-            assert merge(module.Params, None, path, None, name) == params
+            again = merge(module.Params, None, path, None, name)  # but for what has no effect, and is a comment
+            acting = set(FIELDS[name]) - params.idle().keys()
+            assert again.model_dump(include=acting) == params.model_dump(include=acting)
         longest[:] = max(longest, [time.process_time() - began, text])
 
     attempt()
