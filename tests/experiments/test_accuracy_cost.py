@@ -253,7 +253,9 @@ def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
 
 
 def test_seeds_of_all_runs_fit_their_column():
-    with pytest.raises(InputError, match=r"^--seed 2147483643: must be <= 2147483632, for the last of so many runs\.$"):
+    with pytest.raises(
+        lsm.InputError, match=r"^--seed 2147483643: must be <= 2147483632, for the last of so many runs\.$"
+    ):
         merge(accuracy_cost.Params, options={"seed": "2147483643", "seeds": "16"})
 
 

@@ -84,7 +84,7 @@ def run_with_config(folder):
 
 def part_file(folder):
     """A finished part of an experiment."""
-    parts = FinishedParts(folder, resume=True)
+    parts = FinishedParts(folder, shear_gouge.Params(), resume=True)
     parts.put("part", {"rows": [{"drift": 1e-5, "scheme": "verlet"}], "energy": np.arange(20.0)})
     return folder / "parts" / "part.json"
 
@@ -159,7 +159,7 @@ def read_experiment(path):
 
 def read_part(path):
     """A part that is damaged is as one that is not there."""
-    found = FinishedParts(path.parent.parent, resume=True).get("part")
+    found = FinishedParts(path.parent.parent, shear_gouge.Params(), resume=True).get("part")
     if found is None:
         raise lsm.InputError(f"{path}: no such part")
     assert found["energy"].tolist() == list(range(20)) and found["rows"] == [{"drift": 1e-5, "scheme": "verlet"}]
@@ -200,7 +200,7 @@ SIMULATION = []  # of a child that reads checkpoints
 
 
 def prepare_checkpoints():
-    """Two discs that touch between walls and platens, compiled; for a child alone, as Taichi does not survive a fork."""
+    """Two discs that touch, one of a platen, compiled; for a child alone, as Taichi does not survive a fork."""
     platens = [lsm.Platen("top", [lsm.ConstantVelocity(0.1), lsm.Fixed()])]
     scene = scenes.scene(
         [[1.0, 1.0], [1.99, 1.0], [1.0, 3.0]], scenes.frictional(), platen_index=[-1, -1, 0], platens=platens
