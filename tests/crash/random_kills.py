@@ -41,9 +41,7 @@ class Count:
 
     kills: int = 0
     runs: int = 0
-    lost_most: float = (
-        0.0  # greatest wall-clock time between the last checkpoint and a kill, with the start of Python [s]
-    )
+    lost_most: float = 0.0  # greatest time of a process, with its start, that a kill took back [s]
     problems: list[str] = field(default_factory=list)
 
 
@@ -72,8 +70,8 @@ def differences(folder: Path, reference: Path) -> list[str]:
     return [name for name in different if name not in ("run.nc:run", "grains.nc:run")]  # the name of the folder
 
 
-def check_files(folder: Path, killed_at: float) -> tuple[list[str], float]:
-    """(what is wrong with the files that a kill left, time since the last checkpoint or 0 [s])."""
+def check_files(folder: Path) -> tuple[list[str], float]:
+    """(what is wrong with the files that a kill left, when the last checkpoint was written or 0 [s])."""
     problems, rows = [], dict.fromkeys(FILES, 0)
     for name in FILES:
         if (folder / name).exists():
@@ -91,7 +89,7 @@ def check_files(folder: Path, killed_at: float) -> tuple[list[str], float]:
         if rows["run.nc"] < state["rows"] or rows["grains.nc"] < state["snapshots"]:
             problems.append(f"{path}: counts {state['rows']} and {state['snapshots']}, the files have {rows}")
     last = folder / "checkpoint.nc"
-    return problems, killed_at - last.stat().st_mtime if last.exists() else 0.0
+    return problems, last.stat().st_mtime if last.exists() else 0.0
 
 
 def check_complete(folder: Path, reference: Path) -> list[str]:
@@ -107,6 +105,7 @@ def run_until_complete(
     """Begin a run, kill it, resume it, until it is complete or a problem is found; `after` draws the times [s]."""
     words, found = begin, len(count.problems)
     while len(count.problems) == found:
+        began = time.time()
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
             _, errors = process.communicate(timeout=after())
@@ -114,7 +113,8 @@ def run_until_complete(
             process.kill()
             killed_at = time.time()
             process.communicate()
-            problems, lost = check_files(folder, killed_at)
+            problems, kept_at = check_files(folder)
+            lost = killed_at - max(kept_at, began)  # of what this process has done
             count.kills, count.lost_most = count.kills + 1, max(count.lost_most, lost)
             count.problems += problems
             words = command("resume", str(folder)) if (folder / "config.toml").exists() else begin
