@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Metric, write_summary
+from workflows.common.metrics import Metric, read_summary, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
 from workflows.common.parameters import to_toml
@@ -184,7 +184,11 @@ def _conclude(
     params: Params, out: Path, progress: Progress | None, watch: Stopwatch, rate: float = float("nan")
 ) -> xarray.Dataset:
     """Analysis, picture and summary of a run whose files are complete; rate: grain steps per second [s-1]."""
+    former = (read_summary(out) or {}).get("metrics", {})  # of a run that is analysed anew
     begin_run(params, NAME, out)
+    if {"seconds", "cpu_seconds"} <= former.keys():
+        watch.add(former["seconds"]["value"], former["cpu_seconds"]["value"])
+        rate = former.get("grain_steps_per_second", {}).get("value") or rate
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: too few rows")

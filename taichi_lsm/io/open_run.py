@@ -20,7 +20,7 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     Parameters
     ----------
     path
-        A file of a run, such as run.nc or grains.nc, or a table such as compare.nc.
+        A file of a run, such as run.nc or grains.nc, or a table such as compare.nc; or the folder of a run, for run.nc.
 
     Returns
     -------
@@ -36,6 +36,8 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     import xarray  # takes long to load
 
     path = Path(path)
+    if path.is_dir() and (path / "run.nc").is_file():
+        path = path / "run.nc"
     if not path.is_file():
         raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}, {EXPECTED}")
     try:

@@ -146,7 +146,8 @@ def table(tmp_path, monkeypatch):
     row |= {"between_seeds": 1e-5, "times_strain": 4e-4, "bias_of_step": {"0.8": 0.002, "0.4": 0.001}}
     path = tmp_path / "friction_errors.json"
     path.write_text(json.dumps({"rows": [row]}), encoding="utf-8")
-    monkeypatch.setattr(target_error, "TABLE", str(path))  # absolute: not looked for in data/
+    shipped = lsm.data_path
+    monkeypatch.setattr(lsm, "data_path", lambda name: path if name == target_error.TABLE else shipped(name))
     return row
 
 
@@ -247,9 +248,12 @@ def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
     assert two == pytest.approx(target_error.CAUTION * 1.96 * alone + 0.001)
     far = target_error.reached(table, params, [0.20, 0.25, 0.30], [0.004] * 3, "0.4")
     assert far == pytest.approx(4.3026527 * 0.05 / np.sqrt(3) + 0.001)  # Student's t of two degrees of freedom
-    unknown = target_error.reached(table, params, [0.25, 0.26], [np.nan, np.nan], "0.4")
+    apart = target_error.reached(table, params, [0.227, 0.308], [0.004, 0.004], "0.4")
+    assert apart > 0.5  # two that differ by far more than foreseen: Student's t of one degree of freedom
+    assert np.isnan(target_error.reached(table, params, [0.25, 0.26], [np.nan, np.nan], "0.4"))  # only the plan says so
+    unknown = target_error.reached(table, params, [0.25, 0.255, 0.26], [np.nan] * 3, "0.4")
     of_table = table["times_strain"] / (params.strain - params.steady_from) + table["between_seeds"]
-    assert unknown == pytest.approx(target_error.CAUTION * 1.96 * np.sqrt(of_table / 2) + 0.001)
+    assert unknown == pytest.approx(target_error.CAUTION * 1.96 * np.sqrt(of_table / 3) + 0.001)
 
 
 def test_seeds_of_all_runs_fit_their_column():

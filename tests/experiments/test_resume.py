@@ -87,6 +87,7 @@ def test_a_layer_stopped_in_any_stage_goes_on_to_the_same_bits(runtime, sheared,
     assert lsm.open_run(out / "run.nc").history.count("resumed") == 2
 
 
+@pytest.mark.validate
 def test_a_complete_run_is_made_longer_to_the_same_bits(runtime, sheared, tmp_path):
     folder, params, _ = sheared("sphere")
     shorter = {"strain": params.steady_from + params.least_steady, "keep_checkpoint": True}
@@ -119,6 +120,7 @@ def test_a_complete_run_is_analysed_anew_and_not_computed(sheared, tmp_path, mon
     assert (out / "summary.json").read_bytes() != (folder / "summary.json").read_bytes()
 
 
+@pytest.mark.validate
 @pytest.mark.usefixtures("lsm_signals")
 def test_a_checkpoint_goes_on_only_in_the_files_and_with_the_parameters_of_its_run(runtime, sheared, tmp_path):
     """And a refusal leaves everything as it was."""

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from tests.helpers import fuzzed_files
 from tests.helpers.changed_files import changes
 
-SHORT, LONG = 12, 150  # files of each kind
+SHORT, LONG = 6, 150  # files of each kind
 SLOWEST = 2.0  # s of processor time
 LONGEST = 3000  # characters of a message
 

@@ -14,8 +14,10 @@ from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameter_files import CONFIG
 from workflows.common.parameter_problems import as_written
 from workflows.common.parameters import merge, nearest
+from workflows.common.run_folder import is_complete
 
-UNFINISHED = ("running", "interrupted")
+UNKNOWN = "unknown: no file of the whole run is there"
+UNFINISHED = ("running", "interrupted", UNKNOWN)
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
 UNREADABLE = (OSError, RuntimeError, ValueError, AttributeError)  # what opening or reading a damaged file raises
@@ -115,7 +117,7 @@ def print_info(folder: Path) -> int:
     attributes = _attributes(folder)
     for name, value in attributes.items():
         print(f"{name}: {value}")
-    if attributes.get("run_status") in UNFINISHED and (folder / CONFIG).is_file():
+    if attributes.get("run_status") in UNFINISHED and (folder / CONFIG).is_file() and not is_complete(folder):
         print(f"to go on with it: lsm resume {folder}")
     if (folder / FILE).is_file():
         print()
@@ -126,7 +128,7 @@ def print_info(folder: Path) -> int:
 
 
 def _holds_run(files: Iterable[Path]) -> bool:
-    return any(p.suffix == ".nc" or p.name == FILE for p in files)
+    return any(p.suffix == ".nc" or p.name in (FILE, CONFIG) for p in files)
 
 
 def _print_aligned(title: str, lines: list[tuple[str, str]]) -> None:
@@ -154,7 +156,7 @@ def _print_metrics(path: Path) -> None:
 
 def _attributes(folder: Path) -> dict:
     """Attributes of run.nc, or of the first NetCDF file of the folder if there is no run.nc."""
-    for path in (folder / "run.nc", *sorted(folder.glob("*.nc"))):
+    for path in (folder / "run.nc", *sorted(folder.glob("[!c]*.nc")), folder / "compare.nc"):  # and no checkpoint
         try:
             with _open(path) as file:
                 found = {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
@@ -162,7 +164,8 @@ def _attributes(folder: Path) -> dict:
                 return {name: text for name, text in texts.items() if text != "nan"}  # a table may have no step
         except UNREADABLE:
             continue
-    return {"run_status": "unknown (no readable run.nc)"}
+    complete = is_complete(folder)  # of an experiment without a NetCDF file of its own
+    return {"run_status": "complete" if complete else UNKNOWN}
 
 
 def _contents(path: Path) -> str:

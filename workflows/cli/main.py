@@ -37,7 +37,7 @@ from workflows.common.parameter_types import allowed, choices_in_words, kind, li
 from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, merge, nearest, option_name
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import objections
-from workflows.common.run_folder import Existing, check_folder
+from workflows.common.run_folder import Existing, check_folder, has_results
 
 COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
 CLOSED_PIPE = 128 + 13  # as of SIGPIPE
@@ -63,10 +63,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _main(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()  # here, where a closed pipe is caught, and not at the end of the process
         return code
-    except BrokenPipeError:
+    except OSError as error:
         # What is left in the buffer would fail once more when the interpreter ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return CLOSED_PIPE
+        if isinstance(error, BrokenPipeError):
+            return CLOSED_PIPE
+        _complain([reason_of(error)])
+        return FAILED
     except signals.Interrupted as interrupted:
         _complain([f"{interrupted}."])
         return 128 + interrupted.signum
@@ -344,9 +347,9 @@ def execute(
             return FAILED
         except signals.Interrupted:
             if (folder / CONFIG).is_file():
-                _complain([f"what is done is kept; to go on: lsm resume {folder}"])
+                kept = "what is done is kept" if has_results(folder) else "nothing was finished yet"
+                _complain([f"{kept}; to go on: lsm resume {folder}"])
             raise
-    # A summary that an earlier run left in the folder says nothing of this one.
     summary = read_summary(folder) if _written_at(folder / FILE) != earlier else None
     missed = failed_claims(summary) if summary else []
     _complain(missed)

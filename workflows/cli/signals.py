@@ -1,4 +1,4 @@
-"""SIGTERM and SIGINT as one exception, so that a workflow can flush its files before it ends."""
+"""SIGTERM, SIGINT and SIGHUP as one exception, so that a workflow can flush its files before it ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from typing import Any
 # arrives twice within milliseconds, and must not interrupt the flush that the first one started.
 SAME_REQUEST_S = 2.0
 
-HANDLED = (signal.SIGTERM, signal.SIGINT)
+# SIGHUP, of a terminal that is closed, does not exist on Windows.
+HANDLED = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name))
+
+
+def obeyed() -> list[int]:
+    """Those that the process does not ignore, as it does SIGHUP below nohup."""
+    return [int(signum) for signum in HANDLED if signal.getsignal(signum) is not signal.SIG_IGN]
 
 
 class Interrupted(BaseException):
@@ -32,7 +38,7 @@ class Interrupted(BaseException):
 
 
 def install() -> dict:
-    """Raise Interrupted on SIGTERM and SIGINT from now on; returns the previous handlers for `restore`.
+    """Raise Interrupted on the signals HANDLED from now on; returns the previous handlers for `restore`.
 
     Only the main thread may call it (a rule of Python).
     """
@@ -45,7 +51,7 @@ def install() -> dict:
             last = now
             raise Interrupted(signum)
 
-    return {signum: signal.signal(signum, handle) for signum in HANDLED}
+    return {signum: signal.signal(signum, handle) for signum in obeyed()}
 
 
 def restore(previous: dict) -> None:
@@ -79,7 +85,7 @@ class Pending:
 
 @contextmanager
 def held() -> Iterator[Pending]:
-    """Hold SIGTERM and SIGINT back inside, so that a run can end where its state is whole: it asks `Pending.signum`.
+    """Hold these signals back inside, so that a run can end where its state is whole: it asks `Pending.signum`.
 
     A second signal, not of the same request, is delivered at once; one that still waits at the end, there. Outside the
     main thread signals cannot be held back.
@@ -95,7 +101,7 @@ def held() -> Iterator[Pending]:
             pending.deliver()
 
     if threading.current_thread() is threading.main_thread():
-        pending.previous = {signum: signal.signal(signum, note) for signum in HANDLED}
+        pending.previous = {signum: signal.signal(signum, note) for signum in obeyed()}
     try:
         yield pending
     finally:

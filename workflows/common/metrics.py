@@ -80,6 +80,8 @@ def metrics_of_estimate(mean: str, error: str, estimate: "Estimate | None") -> d
 def failed_claims(summary: dict[str, Any]) -> list[str]:
     """One line for each claim of a summary that does not hold: value, claim, what it means and what to change."""
     lines = []
+    if summary.get("run_status", "complete") == "interrupted":
+        return lines  # nothing can be said of runs that have not ended
     for name, entry in summary["metrics"].items():
         if entry.get("holds") is False:
             unit = "" if entry["unit"] == "1" else f" {entry['unit']}"

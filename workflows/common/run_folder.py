@@ -143,7 +143,8 @@ def run_folder(
 def begin_run(params: Params, experiment: str, folder: Path) -> None:
     """Write config.toml, and remove what a run that goes on has to write anew or that tells of a former stop."""
     if (folder / CONFIG).is_file():
-        for path in (folder / SUMMARY, *folder.glob("stopped.*")):
+        pictures = [folder / f"{name}.{kind}" for name in PICTURES for kind in ("png", "pdf", "svg")]
+        for path in (folder / SUMMARY, folder / "stopped.nc", *pictures):
             path.unlink(missing_ok=True)
     new = folder / f".{CONFIG}.part"
     try:
@@ -158,6 +159,12 @@ def is_complete(folder: Path) -> bool:
     """Whether the run in a folder has come to its end, by its summary."""
     summary = read_summary(folder)
     return summary is not None and summary.get("run_status", "complete") == "complete"
+
+
+def has_results(folder: Path) -> bool:
+    """Whether a run that was interrupted has left something to go on from."""
+    found = [*folder.glob("checkpoint*.nc"), *folder.glob(f"{PARTS}/*.json"), *folder.glob("runs/*/*.nc")]
+    return len(found) > 0
 
 
 def is_done(folder: Path, params: Params) -> bool:

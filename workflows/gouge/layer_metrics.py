@@ -83,7 +83,11 @@ def _breakage(sheared: xarray.Dataset) -> dict[str, Metric]:
     return {
         "bonds": Metric(int(bonds[-1]), "1", note="that have not broken at the end"),
         "fragments": Metric(int(fragments[-1]), "1", note="grains, pieces and groups of bonded pieces at the end"),
-        "bonds_broken": Metric(1.0 - float(bonds[-1]) / max(1, int(bonds[0])), "1", note="share since shear began"),
+        "bonds_broken": Metric(
+            1.0 - float(bonds[-1]) / int(bonds[0]) if bonds[0] else float("nan"),
+            "1",
+            note="share since shear began" if bonds[0] else "unknown: no bond was left when shear began",
+        ),
     }
 
 

@@ -110,13 +110,17 @@ def reached(row: dict[str, Any], params: Params, means: Sequence[float], errors:
 
     The scatter of few seeds is poorly known: the variance between seeds of the table is added to that within runs, or
     to that of the table if no run knows its own error (nan). Where three or more runs scatter by more than this,
-    Student's interval of their scatter counts.
+    Student's interval of their scatter counts, and where two differ by more than 95 % of such pairs. It is not a number
+    if fewer than three runs know no error of their own: then nothing but the plan speaks for it.
     """
     count, share = len(means), row["area"] / area_of(params)
     known = np.square([error for error in errors if np.isfinite(error)])
     of_table = row["times_strain"] * share / (params.strain - params.steady_from)
     variance = (float(known.mean()) if known.size else of_table) + row["between_seeds"] * share
     reached = CAUTION * NORMAL * np.sqrt(variance / count)
-    if count > 2 and np.var(means, ddof=1) > variance:
+    if not known.size and count < 3:
+        return float("nan")
+    allowed = variance if count > 2 else variance * NORMAL**2
+    if count > 1 and np.var(means, ddof=1) > allowed:
         reached = max(reached, lsm.statistics.combine_replicas(means).half_width)
     return float(reached + row["bias_of_step"][step])

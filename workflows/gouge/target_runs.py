@@ -31,6 +31,7 @@ COLUMNS = [
 ]
 TEXTS = {"path": "folder of the run, relative to this file"}
 HALF_WIDTH = "half-width of the 95 % interval of friction_mean"
+UNKNOWN = "unknown: the runs have too few independent samples to tell their errors"
 SCATTER = "the runs scatter more than was foreseen from other layers: lower --target-error, or raise --length"
 
 
@@ -83,10 +84,12 @@ def _run_to_target(
     means, errors = (table[name].values.tolist() for name in ("friction_mean", "friction_se"))
     as_run = params.model_copy(update={"strain": plan.strain})
     error = target_error.reached(row, as_run, means, errors, f"{plan.step_safety:g}")
-    mean = float(np.mean(means))
+    mean, known = float(np.mean(means)), bool(np.isfinite(error))
     metrics = {
-        "friction_mean": Metric(mean, "1", interval=(mean - error, mean + error)),
-        "friction_error": Metric(error, "1", target, error <= target, note=HALF_WIDTH, remedy=SCATTER),
+        "friction_mean": Metric(mean, "1", interval=(mean - error, mean + error) if known else None),
+        "friction_error": Metric(
+            error, "1", target, error <= target, note=HALF_WIDTH if known else UNKNOWN, remedy=SCATTER
+        ),
         "expected_error": Metric(plan.expected_error, "1"),
         "seeds": Metric(plan.seeds, "1"),
         "strain": Metric(plan.strain, "1"),

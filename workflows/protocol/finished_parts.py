@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import shutil
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
@@ -51,6 +52,7 @@ class FinishedParts:
             differing = ", ".join(name for name in acting if former.get(name) != acting[name])
             raise InputError(f"{self.folder}: was made with other {differing}; begin anew, or with these as they were")
         self._parameters = acting
+        self._writing = threading.Lock()  # parts that end are kept by a thread of the pool
 
     def get(self, name: str) -> Any:
         """Result of the part `name`, exact to the last bit; None if it is not there, or not as it was written."""
@@ -74,8 +76,9 @@ class FinishedParts:
         path = self._path(name)
         temporary = path.with_suffix(".part")
         text = json.dumps(content, default=_plain)
-        temporary.write_text(json.dumps({"digest": _digest(text), "result": text}), encoding="utf-8")
-        os.replace(temporary, path)
+        with self._writing:
+            temporary.write_text(json.dumps({"digest": _digest(text), "result": text}), encoding="utf-8")
+            os.replace(temporary, path)
 
     def made(self, name: str, make: Callable[[], Any]) -> Any:
         """The result of a part, which `make` gives if it is not there."""

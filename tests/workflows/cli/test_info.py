@@ -67,3 +67,15 @@ def closed():
     file = types.SimpleNamespace(ncattrs=lambda: ["run_status"], getncattr=lambda name: "failed")
     file.dimensions = file.variables = {}
     return contextlib.nullcontext(file)
+
+
+def test_info_says_how_to_go_on_with_a_run_that_has_only_begun(tmp_path, capsys):
+    """And that an experiment without a NetCDF file of its own is complete."""
+    (tmp_path / "config.toml").write_text('experiment = "shear-gouge"\n')
+    assert main(["info", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "run_status: unknown: no file of the whole run" in said and f"lsm resume {tmp_path}" in said
+    (tmp_path / "summary.json").write_text('{"metrics": {}}')
+    assert main(["info", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "run_status: complete" in said and "lsm resume" not in said

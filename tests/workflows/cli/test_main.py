@@ -357,3 +357,10 @@ def test_plain_progress_is_throttled_for_each_label(capsys):
         "b: strain 0.00",
         "a: done | strain 9.00",
     ]
+
+
+def test_an_output_that_cannot_be_written_is_one_line():
+    command = [sys.executable, "-m", "workflows.cli.main", "list"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1 and "No space left on device" in done.stderr and "Traceback" not in done.stderr

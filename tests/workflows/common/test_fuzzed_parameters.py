@@ -18,7 +18,7 @@ from workflows.common.run_cost import RunCost
 
 WORKFLOWS = find_workflows()
 FIELDS = {name: set(module.Params.model_fields) for name, module in WORKFLOWS.items()}
-SHORT, LONG = 50, 1700  # files for each experiment; the long form makes more than 10 000
+SHORT, LONG = 25, 1700  # files for each experiment; the long form makes more than 10 000
 SLOWEST = 2.0  # s of processor time, on a machine that may be busy
 LONGEST = 2000  # characters of a message
 

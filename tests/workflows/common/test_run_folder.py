@@ -91,7 +91,7 @@ def test_every_file_that_the_code_names_is_known():
     assert {"run.nc", "compare.nc", "friction.svg", "stopped.svg", "hard_cases.md", "checkpoint.nc"} <= named
     named -= {"scene.py", "settled.nc"}  # the folder of the package; within one hard case, in a folder of its own
     named -= {"composed.nc", "fresh.nc", "{name}.json"}  # in memory; in the folder of parts
-    named -= {".{CONFIG}.part", "{name}.nc"}  # .config.toml.part; checkpoints
+    named -= {".{CONFIG}.part", "{name}.nc", "{name}.svg"}  # .config.toml.part; checkpoints, pictures
     assert named <= WRITTEN, named - WRITTEN
 
 

@@ -215,6 +215,19 @@ def test_a_signal_waits_for_the_end_and_a_second_one_does_not(monkeypatch, signu
     assert after == ["held"] * waits
 
 
+def test_signals_that_the_process_ignores_stay_ignored():
+    """SIGHUP below nohup; otherwise it is obeyed, so that a closed terminal loses nothing."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        assert int(signal.SIGHUP) not in signals.obeyed() and int(signal.SIGTERM) in signals.obeyed()
+        signals.restore(signals.install())
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        assert int(signal.SIGHUP) in signals.obeyed()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_a_position_is_plain():
     position = Position(stage=1, begun=True, memory={"strain": 0.5})
     assert Position(**json.loads(json.dumps(position.as_plain()))) == position
