@@ -222,6 +222,7 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
     if progress:
         print("\n".join(plain_lines(rows)))
     write_summary(out, "hard-cases", params.preset_name, metrics, quiet=progress is None)
+    parts.clear()
     failed = [f"{row['title']} ({row['precision']})" for row in rows if STATUS[row["status"]] == "failed"]
     if failed:
         raise lsm.SimulationError(f"{len(failed)} hard cases failed: {'; '.join(failed)}")
