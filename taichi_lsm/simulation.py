@@ -357,7 +357,7 @@ class Simulation:
 
     def _save_stopped(self, error: SimulationError) -> None:
         """Add to the error what was saved of the run."""
-        if self._folder is None:
+        if self._folder is None or error.saved:
             return
         good = [self._last_good] if self._last_good else []
         try:

@@ -90,28 +90,25 @@ def run(
     check(params)
     if params.target_error is not None:
         return run_to_target(params, out, progress, __name__, analyse, existing)
-    if existing == "resume":
-        check_resume(params, Path(out))
-    watch = Stopwatch()
-    with run_folder(params, NAME, out, existing, RESUMABLE, begin=existing != "resume") as folder:
-        if existing == "resume" and _is_finished(folder):
-            return _conclude(params, folder, progress, watch)
-        return _simulate(build(params, progress), params, folder, progress, watch, existing == "resume")
+    return simulate(None, params, out, progress, existing=existing)
 
 
 def simulate(
-    scene: lsm.Scene,
+    scene: lsm.Scene | None,
     params: Params,
     out: str | os.PathLike[str],
     progress: Progress | None = None,
     watch: Stopwatch | None = None,
     existing: Existing = "refuse",
 ) -> xarray.Dataset:
-    """As `run`, for a scene that may have been changed after `build`; its times begin with `watch`, or here."""
-    with run_folder(params, NAME, out, existing, RESUMABLE, begin=existing != "resume") as folder:
-        if existing == "resume" and _is_finished(folder):
-            return _conclude(params, folder, progress, watch or Stopwatch())
-        return _simulate(scene, params, folder, progress, watch or Stopwatch(), existing == "resume")
+    """As `run`, of a scene that may have been changed after `build` (None: as built); times begin with `watch`."""
+    resume, watch = existing == "resume", watch or Stopwatch()
+    if resume:
+        check_resume(params, Path(out))
+    with run_folder(params, NAME, out, existing, RESUMABLE, begin=not resume) as folder:
+        if resume and _is_finished(folder):
+            return _analyse_again(params, folder, progress, watch)
+        return _simulate(scene or build(params, progress), params, folder, progress, watch, resume)
 
 
 def check_resume(params: Params, out: Path) -> None:
@@ -166,7 +163,7 @@ def _simulate(
             before = f" before the last one, as {damage}" if damage else ""
             progress({"state": f"resuming from the checkpoint{before}, at step {sim.step}"})
     try:
-        loop = _record(layer, schedule, out, params, progress, watch, start)
+        loop = _record(layer, schedule, out, params, progress, watch, start, resume)
     except lsm.SimulationError as error:
         try:
             run_plots.plot_stopped(out, error, params.format)
@@ -180,15 +177,18 @@ def _simulate(
     return _conclude(params, out, progress, watch, loop.grain_steps_per_second)
 
 
-def _conclude(
-    params: Params, out: Path, progress: Progress | None, watch: Stopwatch, rate: float = float("nan")
-) -> xarray.Dataset:
-    """Analysis, picture and summary of a run whose files are complete; rate: grain steps per second [s-1]."""
-    former = (read_summary(out) or {}).get("metrics", {})  # of a run that is analysed anew
+def _analyse_again(params: Params, out: Path, progress: Progress | None, watch: Stopwatch) -> xarray.Dataset:
+    """Analysis, picture and summary of a run that was complete; what it took is kept."""
+    former, rate = (read_summary(out) or {}).get("metrics", {}), None
     begin_run(params, NAME, out)
-    if {"seconds", "cpu_seconds"} <= former.keys():
+    if {"seconds", "cpu_seconds", "grain_steps_per_second"} <= former.keys():
         watch.add(former["seconds"]["value"], former["cpu_seconds"]["value"])
-        rate = former.get("grain_steps_per_second", {}).get("value") or rate
+        rate = former["grain_steps_per_second"]["value"]
+    return _conclude(params, out, progress, watch, np.nan if rate is None else rate)
+
+
+def _conclude(params: Params, out: Path, progress: Progress | None, watch: Stopwatch, rate: float) -> xarray.Dataset:
+    """Analysis, picture and summary of a run whose files are complete; rate: grain steps per second [s-1]."""
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: too few rows")
@@ -212,6 +212,7 @@ def _record(
     progress: Progress | None,
     watch: Stopwatch,
     start: Start,
+    resume: bool,
 ) -> RunLoop:
     """All stages of the run, with their files; returns the loop, which is at its end."""
     sim = layer.sim
@@ -244,7 +245,8 @@ def _record(
     with lsm.LayerRecorder(
         out, layer, title, summary, to_toml(params, NAME), params.seed, scalars, start.keep
     ) as recorder:
-        begin_run(params, NAME, out)  # now that the files and the checkpoint are known to belong together
+        if resume:  # now that the files and the checkpoint are known to belong together
+            begin_run(params, NAME, out)
         loop = RunLoop(
             layer,
             recorder,

@@ -27,6 +27,7 @@ import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import inspect_run, signals
 from workflows.cli.discovery import DiscoveryError, find_workflows
+from workflows.cli.exit_codes import BAD_INPUT, CLAIM_NOT_MET, CLOSED_PIPE, COMPLETE, FAILED
 from workflows.cli.progress import ProgressLine
 from workflows.cli.resume import resume
 from workflows.common.former_names import renamed
@@ -38,9 +39,6 @@ from workflows.common.parameters import DEFAULT_PRESET, ParameterError, Params, 
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import objections
 from workflows.common.run_folder import Existing, check_folder, has_results
-
-COMPLETE, FAILED, BAD_INPUT, CLAIM_NOT_MET = 0, 1, 2, 3
-CLOSED_PIPE = 128 + 13  # as of SIGPIPE
 
 # cyclopts itself has groups called Commands, Parameters and Arguments; the names must differ from those.
 PHYSICS = Group("Experiment", sort_key=1)
@@ -82,7 +80,7 @@ def _main(argv: list[str]) -> int:
         if argv == ["--version"]:  # before discovery: a broken plugin must not hide it
             print(version_text())
             return COMPLETE
-        if argv[:1] == ["resume"] and argv[1:2] != ["--help"] and argv[1:2] and argv[1].startswith("-"):
+        if argv[:1] == ["resume"] and argv[1:] and argv[1].startswith("-") and argv[1] not in ("--help", "-h"):
             return _complain([f"{argv[1]}: the folder of the run comes first, as in: lsm resume DIR {argv[1]} ..."])
         app = build_app(find_workflows())
         command, bound, _ = app.parse_args(argv, exit_on_error=False, print_error=False)

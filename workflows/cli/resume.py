@@ -10,13 +10,13 @@ from typing import Any
 from cyclopts import App
 
 from taichi_lsm.core.errors import InputError
+from workflows.cli.exit_codes import CLAIM_NOT_MET, COMPLETE
 from workflows.common.metrics import failed_claims, read_summary
 from workflows.common.parameter_files import config_in, experiment_of
 from workflows.common.parameter_problems import as_written
 from workflows.common.parameters import merge, option_name
 from workflows.common.run_folder import is_complete
 
-CLAIM_NOT_MET = 3  # exit code, see `main`
 OF_FOLDER = ("config", "preset", "out", "overwrite")  # options that the folder decides
 
 
@@ -64,7 +64,7 @@ def resume(
     if is_complete(folder) and _same(found[name], name, config, options):
         print(f"{folder}: the run is complete, there is nothing to go on with")
         missed = failed_claims(read_summary(folder) or {})
-        return CLAIM_NOT_MET if missed and common.get("strict") else 0
+        return CLAIM_NOT_MET if missed and common.get("strict") else COMPLETE
     return execute(name, found[name], options, out=str(folder), config=str(config), existing="resume", **common)
 
 

@@ -25,7 +25,7 @@ OfOneRun = TypeVar("OfOneRun", bound=Params)
 LEFT_BY_KILLS = re.compile(r"\.lock|\..*\.part")  # files of a process that was killed, which hold nothing
 PARTS = "parts"  # folder of the results of parts of an experiment, until it is complete
 CHECKPOINTS = ("checkpoint", "checkpoint.previous", "checkpoint.new")
-TEXTS = (CONFIG, SUMMARY, "summary.json.partial", ".config.toml.part", "friction_errors.json", "hard_cases.md")
+TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md")
 TABLES = (
     *("run", "grains", "stopped", *CHECKPOINTS),
     *("target", "compare", "energy", "drift", "roughness", "accuracy", "hard_cases"),
@@ -171,7 +171,7 @@ def is_done(folder: Path, params: Params) -> bool:
     """Whether the run in a folder is complete and was made with these parameters, but for those that change nothing."""
     if not is_complete(folder):
         return False
-    former = merge(type(params), None, folder / CONFIG)
+    former = former_parameters(params, folder)
     return all(
         getattr(params, name) == getattr(former, name) for name in _acting(params, former) - params.without_result
     )

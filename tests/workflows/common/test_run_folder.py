@@ -9,7 +9,8 @@ import pytest
 import taichi_lsm
 import workflows
 from taichi_lsm.core.errors import InputError
-from workflows.common.run_folder import WRITTEN, check_folder, is_complete, is_done, run_folder
+from taichi_lsm.io import checkpoints
+from workflows.common.run_folder import CHECKPOINTS, WRITTEN, check_folder, is_complete, is_done, run_folder
 
 OTHERS = ("notes.txt", "friction.xlsx", "run.nc.bak", "figures/run.png", "runs/mine/data.csv", "runs/note.md")
 LEFT = ("run.nc", "stopped.nc", "checkpoint.nc", "run.pdf", "summary.json", ".grains.nc.part")
@@ -90,6 +91,7 @@ def test_every_file_that_the_code_names_is_known():
             named |= {re.sub(r"\{[\w.]*(kind|format)\}", "svg", name) for name in found}
     assert {"run.nc", "compare.nc", "friction.svg", "stopped.svg", "hard_cases.md", "checkpoint.nc"} <= named
     named -= {"scene.py", "settled.nc"}  # the folder of the package; within one hard case, in a folder of its own
+    assert {f"{name}.nc" for name in CHECKPOINTS} == {checkpoints.LAST, checkpoints.PREVIOUS, checkpoints.NEW}
     named -= {"composed.nc", "fresh.nc", "{name}.json"}  # in memory; in the folder of parts
     named -= {".{CONFIG}.part", "{name}.nc", "{name}.svg"}  # .config.toml.part; checkpoints, pictures
     assert named <= WRITTEN, named - WRITTEN
