@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, shown, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams

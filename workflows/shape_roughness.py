@@ -20,7 +20,7 @@ from pydantic import Field
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameter_files import CONFIG

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 import taichi_lsm as lsm
 from tests.helpers.pictures import curves, panels
 from workflows import compare_shapes, shear_gouge
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.parameters import ParameterError, merge
 from workflows.plots import run_plots
 

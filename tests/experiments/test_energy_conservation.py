@@ -7,7 +7,7 @@ import pytest
 
 import taichi_lsm as lsm
 from workflows import energy_conservation
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.protocol.finished_parts import FinishedParts
 
 SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 36, "samples": 20}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tests.crash.random_kills import differences
 from workflows import shear_gouge
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.parameters import merge
 
 

@@ -17,7 +17,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BaseModel, Field, model_validator
 
 from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.run_cost import RunCost

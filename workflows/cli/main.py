@@ -25,11 +25,12 @@ from pydantic.fields import FieldInfo
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli import inspect_run, signals
+from workflows.cli import inspect_run
 from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.exit_codes import BAD_INPUT, CLAIM_NOT_MET, CLOSED_PIPE, COMPLETE, FAILED
 from workflows.cli.progress import ProgressLine
 from workflows.cli.resume import resume
+from workflows.common import signals
 from workflows.common.former_names import renamed
 from workflows.common.metrics import FILE, failed_claims, read_summary
 from workflows.common.parallel_runs import reason_of

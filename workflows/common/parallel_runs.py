@@ -27,8 +27,9 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli import discovery, signals
+from workflows.cli import discovery
 from workflows.cli.progress import as_dict
+from workflows.common import signals
 from workflows.common.run_folder import CONFIG, is_done
 
 SEND_EVERY_S = 0.2

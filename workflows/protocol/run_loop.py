@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import taichi_lsm as lsm
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol.resume import Start
 from workflows.protocol.schedule import FIRST_STAGE, Position, Stage

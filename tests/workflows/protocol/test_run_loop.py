@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 import taichi_lsm as lsm
-from workflows.cli import signals
+from workflows.common import signals
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol import run_loop
 from workflows.protocol.conditions import Reached, Settled
