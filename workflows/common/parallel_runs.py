@@ -12,6 +12,7 @@ import pickle
 import signal
 import sys
 import tempfile
+import threading
 import time
 import traceback
 from collections import deque
@@ -151,7 +152,7 @@ def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     """
     spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
     try:
-        with _FreshProcesses(count, mp_context=spawn, max_tasks_per_child=1) as pool:
+        with _FreshProcesses(count, mp_context=spawn, initializer=_end_with_parent, max_tasks_per_child=1) as pool:
             try:
                 yield pool
             except signals.Interrupted:  # what runs is given up, or the pool would wait for all that was submitted
@@ -168,6 +169,18 @@ def in_fresh_process(function: Callable[P, T], *arguments: P.args, **options: P.
     """What a function returns in a process of its own, beside which this one only waits."""
     with fresh_processes(1) as pool:
         return pool.submit(function, *arguments, **options).result()
+
+
+def _end_with_parent() -> None:
+    """Make this process end, as if asked by SIGTERM, once the one that started it is gone, be it killed."""
+    parent = multiprocessing.parent_process()
+
+    def wait_for_it() -> None:
+        if parent is not None:
+            parent.join()
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=wait_for_it, daemon=True).start()
 
 
 def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Running]) -> None:
@@ -291,12 +304,12 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
         signals.install()
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, signals.HANDLED)
+        _end_with_parent()
         discovery.load_path()
         module_name, params, out, reports, existing = pickle.loads(payload)
         Path(out).mkdir(parents=True, exist_ok=True)
         module = importlib.import_module(module_name)
-        # Also in silence: the run notices by its reports that the parent is gone.
-        module.run(params, out=Path(out), progress=_sender(pipe, reports), existing=existing)
+        module.run(params, out=Path(out), progress=_sender(pipe) if reports else None, existing=existing)
         code = 0
     except signals.Interrupted as interrupted:
         code = 128 + interrupted.signum
@@ -329,7 +342,7 @@ def _set_title(title: str) -> None:
         Path("/proc/self/comm").write_text(title[:15])
 
 
-def _sender(pipe: Any, reports: bool) -> Callable[[Any], None]:
+def _sender(pipe: Any) -> Callable[[Any], None]:
     last, stage = -SEND_EVERY_S, None
 
     def send(report: Any) -> None:
@@ -338,16 +351,11 @@ def _sender(pipe: Any, reports: bool) -> Callable[[Any], None]:
         begins = report.get("stage") != stage
         if "state" in report or begins or time.monotonic() - last >= SEND_EVERY_S:
             last, stage = time.monotonic(), report.get("stage")
-            if not _send(pipe, "report", report if reports else {}):
-                # The parent was killed: end as if it had passed the signal on, where the run finds it safe.
-                signal.raise_signal(signal.SIGTERM)
+            _send(pipe, "report", report)
 
     return send
 
 
-def _send(pipe: Any, kind: str, content: Any) -> bool:
-    try:
+def _send(pipe: Any, kind: str, content: Any) -> None:
+    with suppress(OSError):  # the parent was killed
         pipe.send((kind, content))
-    except OSError:
-        return False
-    return True

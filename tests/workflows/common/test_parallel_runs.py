@@ -89,10 +89,7 @@ def test_an_interrupted_pool_ends_without_a_word(tmp_path):
         text=True,
         start_new_session=True,
     )
-    deadline = time.monotonic() + 20
-    while len(list(tmp_path.glob("importing-*"))) < 2:
-        assert parent.poll() is None and time.monotonic() < deadline
-        time.sleep(0.05)
+    wait_until(lambda: len(list(tmp_path.glob("importing-*"))) == 2, parent)
     os.killpg(parent.pid, signal.SIGINT)
     left, problems = parent.communicate(timeout=20)
     assert parent.returncode == 128 + signal.SIGINT
@@ -105,7 +102,8 @@ def test_labels_must_differ(toy, tmp_path):
         run_replicas([job, job])
 
 
-def test_a_signal_reaches_the_children_and_they_flush(plugins, tmp_path):
+@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGKILL])
+def test_the_children_flush_when_their_parent_is_asked_to_end_or_killed(plugins, tmp_path, signum):
     script = tmp_path / "parent.py"
     script.write_text(
         "import sys\n"
@@ -121,11 +119,47 @@ def test_a_signal_reaches_the_children_and_they_flush(plugins, tmp_path):
         "        sys.exit(128 + interrupted.signum)\n"
     )
     parent = subprocess.Popen([sys.executable, str(script)], env={**os.environ, "PYTHONPATH": str(ROOT)})
-    deadline = time.monotonic() + 20
-    while not all((tmp_path / name / "ready").exists() for name in "ab"):
-        assert parent.poll() is None and time.monotonic() < deadline
-        time.sleep(0.05)
-    parent.send_signal(signal.SIGTERM)
-    assert parent.wait(timeout=20) == 128 + signal.SIGTERM
-    assert all((tmp_path / name / "flushed").exists() for name in "ab")
+    wait_until(lambda: all((tmp_path / name / "ready").exists() for name in "ab"), parent)
+    parent.send_signal(signum)
+    assert parent.wait(timeout=20) == (128 + signum if signum == signal.SIGTERM else -signum)
+    wait_until(lambda: all((tmp_path / name / "flushed").exists() for name in "ab"))
     assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks /proc which processes are alive")
+def test_a_pool_ends_when_its_parent_is_killed(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(
+        "import os, pathlib, time\n"
+        "from workflows.common.parallel_runs import fresh_processes\n"
+        "def sleep():\n"
+        "    pathlib.Path(f'child-{os.getpid()}').touch()\n"
+        "    time.sleep(60)\n"
+        "if __name__ == '__main__':\n"
+        "    with fresh_processes(2) as pool:\n"
+        "        waiting = [pool.submit(sleep) for _ in range(3)]\n"
+        "        waiting[0].result()\n"
+    )
+    parent = subprocess.Popen([sys.executable, str(script)], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    wait_until(lambda: len(list(tmp_path.glob("child-*"))) == 2, parent)
+    children = [int(path.name.split("-")[1]) for path in tmp_path.glob("child-*")]
+    parent.kill()
+    parent.wait(timeout=20)
+    wait_until(lambda: not any(is_alive(pid) for pid in children))
+
+
+def wait_until(condition, process=None):
+    """Wait for a condition, of a process that must not end before."""
+    deadline = time.monotonic() + 20
+    while not condition():
+        assert (process is None or process.poll() is None) and time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def is_alive(pid):
+    """Whether a process is there and no zombie."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
