@@ -24,13 +24,14 @@ from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError, finite, reason
 from ..core.netcdf_input import opened_netcdf
 from ..core.schema import Variable
+from ..measure.energy_budget import Energies
 from .global_attributes import package_version
 from .scene_identity import scene_identity
 
 if TYPE_CHECKING:
     from ..simulation import Simulation
 
-FORMAT = 4
+FORMAT = 5
 OF_SCENE = "scene_"  # with which the attributes begin that `scene_identity` gives
 COUNTERS = ("step", "rebuilds")
 COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside NUMBERS and those of `_identity`
@@ -68,6 +69,8 @@ class _Saved:
         {group: {row: values of the rows in use}}.
     drives
         Drives of the platens along each axis, [] if there are none.
+    guards
+        `Monitor.memory`.
     run_state
         What was saved beside the simulation.
     """
@@ -76,6 +79,7 @@ class _Saved:
     counts: dict[str, int]
     tables: dict[str, dict[str, npt.NDArray]]
     drives: list[list[Any]]
+    guards: dict[str, Any]
     run_state: dict[str, Any]
 
 
@@ -113,6 +117,7 @@ def save_checkpoint(sim: "Simulation", path: str | PathLike[str], run_state: Map
             _write(file.createGroup(group), rows, owner, count)
         if sim.platens:
             file.drives = _drives_text(sim)
+        file.guards = json.dumps(sim.monitor.memory())
         file.run_state = json.dumps(dict(run_state or {}))
         file.digest = content_digest(file)
 
@@ -152,6 +157,7 @@ def restore_checkpoint(sim: "Simulation", path: str | PathLike[str]) -> dict[str
         setattr(sim, name, saved.counts[name])
     sim.search.searches = saved.counts["searches"]
     _resume(sim)
+    sim.monitor.recall(**saved.guards)
     return saved.run_state
 
 
@@ -264,7 +270,8 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
                 group: {row.name: file[group][row.name][:] for row in rows if row.restart}
                 for group, rows, _, _ in _tables(sim)
             }
-            drives, run_state = file.drives if sim.platens else "[]", json.loads(file.run_state)
+            drives = file.drives if sim.platens else "[]"
+            guards, run_state = _saved_guards(file.guards), json.loads(file.run_state)
     except InputError:
         raise
     except (OSError, RuntimeError, IndexError, AttributeError, KeyError, TypeError, ValueError) as error:
@@ -279,7 +286,7 @@ def _read(sim: "Simulation", path: Path) -> _Saved:
     counts = {name: int(numbers[name]) for name in COUNTS}
     _require_shapes(sim, path, tables, counts["pair_capacity"])
     lengths_and_time = {name: float(numbers[name]) for name in NUMBERS}
-    return _Saved(lengths_and_time, counts, tables, _saved_drives(sim, path, drives), run_state)
+    return _Saved(lengths_and_time, counts, tables, _saved_drives(sim, path, drives), guards, run_state)
 
 
 def content_digest(file: netCDF4.Dataset) -> str:
@@ -323,6 +330,17 @@ def _saved_drives(sim: "Simulation", path: Path, text: str) -> list[list[Any]]:
     except (ValueError, TypeError, KeyError, AttributeError, InputError) as error:
         raise InputError(f"checkpoint {path}: drives cannot be read ({error}), {EXPECTED}") from None
     return found
+
+
+def _saved_guards(text: str) -> dict[str, Any]:
+    """What `Monitor.memory` gave; ValueError, TypeError or KeyError if it is anything else."""
+    found = json.loads(text)
+    energies = found["first_energies"]
+    numbers = [found["next_check"], found["next_sum"], found["highest"], *([] if energies is None else energies)]
+    wanted = 3 if energies is None else 3 + len(Energies._fields)
+    if len(numbers) != wanted or not all(isinstance(number, int | float) for number in numbers):
+        raise ValueError("guards")
+    return {name: found[name] for name in ("next_check", "next_sum", "highest", "first_energies")}
 
 
 def _require_shapes(sim: "Simulation", path: Path, tables: dict[str, dict[str, npt.NDArray]], capacity: int) -> None:

@@ -14,7 +14,7 @@ from ..contact.neighbour_search import FAR
 from ..contact.pair_storage import ACTING, TOUCHING
 from ..core.errors import SimulationError
 from ..core.runtime import ti
-from ..measure.energy_budget import energies
+from ..measure.energy_budget import Energies, energies
 
 CHECK_STEPS = 1000  # between two checks of contacts and speeds
 BALANCE_STEPS = 5000  # between two sums of the energies
@@ -54,6 +54,21 @@ class Monitor:
     def forget(self) -> None:
         """The energies have been changed from outside: take their balance anew at the next sum."""
         self.first_energies, self.highest, self.next_sum = None, 0.0, self.sim.step + BALANCE_STEPS
+
+    def memory(self) -> dict[str, Any]:
+        """What the guards know of the run so far, in plain numbers: when they check next, and the energies."""
+        first = self.first_energies
+        return {
+            "next_check": self.next_check,
+            "next_sum": self.next_sum,
+            "highest": self.highest,
+            "first_energies": None if first is None else list(first),
+        }
+
+    def recall(self, next_check: int, next_sum: int, highest: float, first_energies: list[float] | None) -> None:
+        """Go on with the `memory` of the run that the state was restored from."""
+        self.next_check, self.next_sum, self.highest = next_check, next_sum, highest
+        self.first_energies = None if first_energies is None else Energies(*first_energies)
 
     @ti.kernel
     def reduce(self, result: ti.types.ndarray()):
