@@ -95,18 +95,23 @@ class FinishedParts:
         at_a_time
             Number of processes.
         """
+        kept: dict[str, Future[Any]] = {}
 
         def keep(name: str, future: Future[Any]) -> None:
-            if not future.cancelled() and future.exception() is None:
-                self.put(name, future.result())
+            """Called as each part ends, in whatever order."""
+            try:
+                kept[name].set_result(self.put(name, future.result()))
+            except BaseException as error:  # raised where the result is asked for
+                kept[name].set_exception(error)
 
         found = {name: self.get(name) for name in calls}
         with fresh_processes(at_a_time) as pool:
-            waiting = {name: pool.submit(*call) for name, call in calls.items() if found[name] is None}
-            for name, future in waiting.items():  # kept as they end, in whatever order
-                future.add_done_callback(partial(keep, name))
+            for name, call in calls.items():
+                if found[name] is None:
+                    kept[name] = Future()
+                    pool.submit(*call).add_done_callback(partial(keep, name))
             for name in calls:
-                yield name, self.put(name, waiting[name].result()) if name in waiting else found[name]
+                yield name, kept[name].result() if name in kept else found[name]
 
     def clear(self) -> None:
         """Remove all parts: the experiment is complete, or begins anew."""

@@ -24,12 +24,18 @@ def test_parts_come_back_to_the_last_bit_and_only_in_a_run_that_goes_on(tmp_path
     assert FinishedParts(tmp_path, PARAMS, resume=False).get("verlet") is None
 
 
-def test_parts_made_in_processes_are_kept_as_they_end(tmp_path):
-    parts = FinishedParts(tmp_path, PARAMS, resume=True)
+def test_parts_made_in_processes_are_kept_as_they_end(tmp_path, monkeypatch):
+    """Each once, also those that end after one that fails."""
+    parts, put = FinishedParts(tmp_path, PARAMS, resume=True), []
     parts.put("second", -1)
-    calls = {"first": (divmod, 7, 2), "second": (divmod, 1, 0)}  # the second would fail
-    assert list(parts.made_in_processes(calls)) == [("first", [3, 1]), ("second", -1)]
-    assert FinishedParts(tmp_path, PARAMS, resume=True).get("first") == [3, 1]
+    monkeypatch.setattr(parts, "put", lambda *part: (put.append(part), FinishedParts.put(parts, *part))[1])
+    calls = {"first": (divmod, 7, 2), "second": (divmod, 1, 0), "third": (divmod, 1, 0), "fourth": (divmod, 9, 2)}
+    made = parts.made_in_processes(calls)  # the second would fail, were it made
+    assert [next(made), next(made)] == [("first", [3, 1]), ("second", -1)]
+    with pytest.raises(ZeroDivisionError):
+        next(made)
+    assert sorted(put) == [("first", (3, 1)), ("fourth", (4, 1))]
+    assert FinishedParts(tmp_path, PARAMS, resume=True).get("fourth") == [4, 1]
 
 
 def test_a_part_that_was_not_written_to_its_end_does_not_count(tmp_path):
