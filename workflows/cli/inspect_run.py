@@ -117,8 +117,11 @@ def print_info(folder: Path) -> int:
     attributes = _attributes(folder)
     for name, value in attributes.items():
         print(f"{name}: {value}")
-    if attributes.get("run_status") in UNFINISHED and (folder / CONFIG).is_file() and not is_complete(folder):
-        print(f"to go on with it: lsm resume {folder}")
+    holder = lsm.holder_of(folder)
+    if holder:
+        print(f"in use: {holder} writes to it")
+    elif attributes.get("run_status") in UNFINISHED and (folder / CONFIG).is_file() and not is_complete(folder):
+        print(f"stopped: no process writes to it any more; to go on with it: lsm resume {folder}")
     if (folder / FILE).is_file():
         print()
         _print_metrics(folder / FILE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from cyclopts import App
 
 from taichi_lsm.core.errors import InputError
+from workflows.cli.execution import execute
 from workflows.cli.exit_codes import CLAIM_NOT_MET, COMPLETE
 from workflows.common.metrics import failed_claims, read_summary
 from workflows.common.parameter_files import config_in, experiment_of
@@ -25,7 +26,6 @@ def resume(
     found: Mapping[str, ModuleType],
     folder: Path,
     tokens: tuple[str, ...],
-    execute: Callable[..., int],
 ) -> int:
     """Run the rest of the run in `folder`, with options of its experiment that may change; returns the exit code.
 
@@ -39,8 +39,6 @@ def resume(
         Of the run.
     tokens
         Options of its experiment as on the command line.
-    execute
-        `main.execute`.
 
     Raises
     ------

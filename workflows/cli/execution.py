@@ -1,0 +1,133 @@
+"""Checks everything, runs an experiment, and tells what became of it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import taichi_lsm as lsm
+from taichi_lsm.core.errors import InputError, SimulationError
+from workflows.cli.discovery import find_workflows
+from workflows.cli.exit_codes import BAD_INPUT, CLAIM_NOT_MET, COMPLETE, FAILED
+from workflows.cli.progress import ProgressLine
+from workflows.common import signals
+from workflows.common.metrics import FILE, failed_claims, read_summary
+from workflows.common.parallel_runs import reason_of
+from workflows.common.parameter_files import CONFIG
+from workflows.common.parameters import ParameterError, merge
+from workflows.common.refusals import in_terms_of
+from workflows.common.run_cost import objections
+from workflows.common.run_folder import Existing, check_folder, has_results
+
+
+def execute(
+    name: str,
+    module: ModuleType,
+    options: dict[str, Any],
+    out: str | None = None,
+    config: str | None = None,
+    preset: str | None = None,
+    quiet: bool = False,
+    strict: bool = False,
+    overwrite: bool = False,
+    yes: bool = False,
+    existing: Existing = "refuse",
+) -> int:
+    """Check everything, run a workflow, and name the claims that its summary does not meet; returns the exit code."""
+    if out == "":
+        return complain(["--out '': must be the name of a folder."])
+    folder = Path("out") / name if out is None else Path(out)
+    existing = "overwrite" if overwrite else existing
+    problems, params = refusals(folder, existing), None
+    cost = None
+    try:
+        params = merge(module.Params, preset, config, options, name, _fields_of_others(module))
+        if not quiet and not problems:
+            print(f"{name}, preset {params.preset_name}: checking, then writing to {folder}", flush=True)
+        complain([f"note: {text}" for text in params.notes])
+        if params.arch != "cpu":
+            _check_arch(params.arch)
+        module.check(params)
+        cost = module.estimate(params)
+        if not (yes or existing == "resume"):  # which is only a part of it
+            problems = objections(cost, lsm.machine_memory()) + problems
+    except InputError as error:
+        problems = problems_of(error) + problems
+    if problems:
+        return complain(problems)
+    made = [p for p in (folder, *folder.parents) if not p.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return complain([f"--out {folder}: cannot be made: {error.strerror}."])
+    if cost and not quiet:
+        print(f"{name}: {'the whole run takes ' if existing == 'resume' else ''}{cost}", flush=True)
+    earlier = _written_at(folder / FILE)
+    with ProgressLine(quiet) as progress:
+        try:
+            module.run(params, out=folder, progress=None if quiet else progress, existing=existing)
+        except InputError as error:
+            _remove_empty(made)
+            return complain(problems_of(error))
+        except (SimulationError, MemoryError, OSError) as error:
+            if isinstance(error, BrokenPipeError):  # the output is no longer read: `main` ends quietly
+                raise
+            complain([reason_of(error)])
+            return FAILED
+        except signals.Interrupted:
+            if (folder / CONFIG).is_file():
+                kept = "what is done is kept" if has_results(folder) else "nothing was finished yet"
+                complain([f"{kept}; to go on: lsm resume {folder}"])
+            raise
+    summary = read_summary(folder) if _written_at(folder / FILE) != earlier else None
+    missed = failed_claims(summary) if summary else []
+    complain(missed)
+    return CLAIM_NOT_MET if strict and missed else COMPLETE
+
+
+def _written_at(path: Path) -> int | None:
+    """When a file was last written [ns]; None if there is none."""
+    return path.stat().st_mtime_ns if path.exists() else None
+
+
+def _fields_of_others(module: ModuleType) -> dict[str, set[str]]:
+    """Name -> parameters of every other experiment."""
+    return {n: set(other.Params.model_fields) for n, other in find_workflows().items() if other is not module}
+
+
+def _check_arch(arch: str) -> None:
+    """Refuse a device that this machine does not have, before anything is made."""
+    with in_terms_of(f"--arch {arch}", "choose --arch cpu"):
+        lsm.check_arch(arch)
+
+
+def problems_of(error: InputError) -> list[str]:
+    """One line for each mistake of the user."""
+    return error.problems if isinstance(error, ParameterError) else [str(error)]
+
+
+def refusals(folder: Path, existing: Existing) -> list[str]:
+    """Reasons why the folder cannot be written to; [] if it can."""
+    try:
+        check_folder(folder, existing, "--out", "--overwrite")
+    except InputError as error:
+        return [str(error)]
+    return []
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove the folders that were made for a refused run, innermost first, up to one that holds something."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+
+
+def complain(problems: list[str]) -> int:
+    """Print one line for each mistake of the user; returns the exit code."""
+    for problem in problems:
+        print(f"lsm: {problem}", file=sys.stderr)
+    return BAD_INPUT

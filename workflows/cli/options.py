@@ -1,0 +1,113 @@
+"""The command of an experiment: a function with one option for each of its parameters."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from types import ModuleType
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+from pydantic.fields import FieldInfo
+
+from workflows.cli.discovery import DiscoveryError
+from workflows.cli.execution import execute
+from workflows.common.parameter_types import allowed, choices_in_words, kind, limits, metavar
+from workflows.common.parameters import DEFAULT_PRESET, Params, option_name
+
+# cyclopts itself has groups called Commands, Parameters and Arguments; the names must differ from those.
+PHYSICS = Group("Experiment", sort_key=1)
+MACHINE = Group("Computation", sort_key=2)
+FILES = Group("Files and display", sort_key=3)
+RESERVED = ("out", "config", "preset", "quiet", "strict", "overwrite", "yes")
+
+
+def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
+    """A function that runs the workflow, with one keyword-only parameter per option.
+
+    Every option but a flag is taken as text, so that pydantic checks all of them together.
+    """
+    params_class: type[Params] = module.Params
+    default_values = {
+        **{f: d.default for f, d in params_class.model_fields.items() if not d.is_required()},
+        **params_class.presets.get(DEFAULT_PRESET, {}),
+    }
+    presets = ", ".join({**params_class.presets, DEFAULT_PRESET: {}})
+
+    def parameter(key: str, annotation: Any, group: Group, text: str, default: str | None = None, **more):
+        spec = Parameter(name=option_name(key), group=group, help=text, show_default=default or False, **more)
+        return inspect.Parameter(
+            key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[annotation | None, spec]
+        )
+
+    listed = [
+        parameter("preset", str, FILES, f"starting values; one of {presets}", DEFAULT_PRESET, metavar="NAME"),
+        parameter(
+            "config",
+            str,
+            FILES,
+            "TOML file, or run.nc of a run, which wins over the preset; [NAME]: of one experiment",
+            metavar="FILE",
+        ),
+        parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
+        parameter("overwrite", bool, FILES, "write to a folder that is not empty, over former runs", negative=()),
+        parameter("quiet", bool, FILES, "print nothing but errors and claims that are not met", negative=()),
+        parameter("yes", bool, FILES, "start also what takes more than a day or half of the memory", negative=()),
+        parameter("strict", bool, FILES, "exit with code 3 if a claim is not met", negative=()),
+    ]
+    only_toml = []
+    for key, field in params_class.model_fields.items():
+        if key in RESERVED:
+            raise DiscoveryError(f"{module.__file__}: the parameter name {key} is taken by lsm itself.")
+        how = kind(field.annotation)
+        if how == "toml":
+            only_toml.append(key)
+            continue
+        group = MACHINE if key in Params.model_fields else PHYSICS
+        listed.append(
+            parameter(
+                key,
+                bool if how == "flag" else str,
+                group,
+                option_help(field),
+                _shown(default_values.get(key)),
+                metavar=metavar(field.annotation),
+            )
+        )
+
+    def command(**options) -> int:
+        given = {key: value for key, value in options.items() if value is not None}
+        common = {key: given.pop(key) for key in RESERVED if key in given}
+        return execute(name, module, given, **common)
+
+    command.__name__ = name.replace("-", "_")
+    command.__doc__ = _unwrapped(inspect.getdoc(module) or name)
+    if only_toml:
+        command.__doc__ += f"\n\nOnly in a TOML file (--config): {', '.join(only_toml)}."
+    command.__signature__ = inspect.Signature(listed, return_annotation=int)
+    command.__annotations__ = {p.name: p.annotation for p in listed} | {"return": int}
+    return command
+
+
+def _unwrapped(text: str) -> str:
+    """The paragraphs of a docstring, each on one line: the terminal decides where lines end."""
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n"))
+
+
+def option_help(field: FieldInfo) -> str:
+    """Description of an option, which ends with the unit, and the allowed values."""
+    names = choices_in_words(field)
+    bounds = f"one of {names}" if names else limits(field.metadata)
+    if kind(field.annotation) == "list":
+        bounds = allowed(field) + ", separated by commas"
+    return "; ".join(filter(None, [" ".join((field.description or "").split()), bounds]))
+
+
+def _shown(value: Any) -> str | None:
+    if value is None:
+        return "none"
+    if isinstance(value, list | tuple):
+        return ",".join(map(str, value))
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
