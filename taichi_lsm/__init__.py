@@ -50,6 +50,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.checkpoint_file import restore_checkpoint as restore_checkpoint
     from .io.checkpoint_file import save_checkpoint as save_checkpoint
     from .io.effect_table import read_effects as read_effects
+    from .io.folder_lock import holder_of as holder_of
     from .io.folder_lock import locked as locked
     from .io.global_attributes import file_attributes as file_attributes
     from .io.layer_recorder import LayerRecorder as LayerRecorder
@@ -118,6 +119,7 @@ _HOME = {
     "rough_platen": "packing",
     "ShearedLayer": "measure.sheared_layer",
     "LayerRecorder": "io.layer_recorder",
+    "holder_of": "io.folder_lock",
     "locked": "io.folder_lock",
     "runtime_profile": "measure.profiling",
     "runtime_profile_text": "measure.profiling",

@@ -55,6 +55,27 @@ def locked(folder: str | PathLike[str]) -> Iterator[None]:
         _release(lock, path)
 
 
+def holder_of(folder: str | PathLike[str]) -> str | None:
+    """Who holds the lock of a folder, such as "process 7 on host"; None if nobody does.
+
+    A run that begins in the same instant may find the folder in use. On a file system without locks, whoever wrote the
+    file last counts as the holder.
+    """
+    path = Path(folder) / NAME
+    try:
+        lock = os.open(path, os.O_RDONLY)
+    except OSError:  # there is none
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            return None if _try_lock(lock) else _holder(path)
+    except UserWarning:
+        return _holder(path)
+    finally:
+        os.close(lock)
+
+
 def _acquired(path: Path) -> int | None:
     """An open file that holds the lock, None if another one does."""
     while True:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.io.folder_lock import NAME, locked
+from taichi_lsm.io.folder_lock import NAME, holder_of, locked
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = """
@@ -40,7 +40,9 @@ def check_refused(folder, message):
 def test_a_second_process_is_refused_and_told_the_first(tmp_path):
     process = start(tmp_path)
     check_refused(tmp_path, rf"{tmp_path}: is in use by process {process.pid} on .*; wait")
+    assert holder_of(tmp_path).startswith(f"process {process.pid} on ")
     process.communicate()
+    assert holder_of(tmp_path) is None
     assert process.returncode == 0 and not os.listdir(tmp_path)
     with locked(tmp_path):
         assert os.listdir(tmp_path) == [NAME]
@@ -51,7 +53,7 @@ def test_a_killed_process_holds_nothing(tmp_path):
     process = start(tmp_path)
     process.send_signal(signal.SIGKILL)
     process.communicate()
-    assert os.listdir(tmp_path) == [NAME]
+    assert os.listdir(tmp_path) == [NAME] and holder_of(tmp_path) is None
     with locked(tmp_path):
         assert f"process {os.getpid()} on" in (tmp_path / NAME).read_text()
     assert not os.listdir(tmp_path)
@@ -93,4 +95,4 @@ def test_folders_that_cannot_be_locked_are_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr(fcntl, "flock", none)
     with pytest.warns(UserWarning, match=r"has no locks \(Function not implemented\)"), locked(tmp_path):
-        pass
+        assert holder_of(tmp_path).startswith(f"process {os.getpid()} on ")

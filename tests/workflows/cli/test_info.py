@@ -2,11 +2,13 @@
 
 import contextlib
 import math
+import os
 import types
 
 import netCDF4
 import pytest
 
+import taichi_lsm as lsm
 from workflows.cli import inspect_run
 from workflows.cli.main import main
 from workflows.common.metrics import Metric, write_summary
@@ -75,6 +77,10 @@ def test_info_says_how_to_go_on_with_a_run_that_has_only_begun(tmp_path, capsys)
     assert main(["info", str(tmp_path)]) == 0
     said = capsys.readouterr().out
     assert "run_status: unknown: no file of the whole run" in said and f"lsm resume {tmp_path}" in said
+    with lsm.locked(tmp_path):
+        main(["info", str(tmp_path)])
+    said = capsys.readouterr().out
+    assert f"in use: process {os.getpid()} on" in said and "lsm resume" not in said
     (tmp_path / "summary.json").write_text('{"metrics": {}}')
     assert main(["info", str(tmp_path)]) == 0
     said = capsys.readouterr().out
