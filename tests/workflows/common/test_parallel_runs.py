@@ -11,6 +11,7 @@ import pytest
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.parallel_runs import ReplicaError, run_replicas
+from workflows.common.toml_writer import to_toml
 
 ROOT = Path(__file__).parents[3]
 
@@ -28,6 +29,18 @@ def test_every_run_has_a_one_thread_process_of_its_own(toy, tmp_path, monkeypatc
     assert [r.get("state") for r in of_one] == ["started", None, "done"]
     assert of_one[1]["strain"] == 0.5
     assert "noise" not in capfd.readouterr().out
+
+
+def test_complete_runs_of_the_same_parameters_are_not_repeated(toy, tmp_path):
+    params = {seed: toy.Params(seed=seed) for seed in (1, 2, 3)}
+    jobs = [(f"run-{seed}", "workflows.toy_run", of_run, tmp_path / f"r{seed}") for seed, of_run in params.items()]
+    run_replicas(jobs[:2])
+    for seed, of_config in ((1, params[1]), (2, toy.Params(seed=2, grains=700))):  # the second was another run
+        (tmp_path / f"r{seed}" / "config.toml").write_text(to_toml(of_config, "toy-run"))
+    first = [(tmp_path / f"r{seed}" / "process").read_text() for seed in (1, 2)]
+    assert run_replicas(jobs, resume=True) == [tmp_path / f"r{seed}" for seed in (1, 2, 3)]
+    second = [(tmp_path / f"r{seed}" / "process").read_text() for seed in (1, 2, 3)]
+    assert second[0] == first[0] and second[1] != first[1] and second[2]
 
 
 def test_a_failure_is_named_and_the_others_go_on(toy, tmp_path):
