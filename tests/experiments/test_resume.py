@@ -68,6 +68,21 @@ def variables(folder):
 
 
 @pytest.mark.usefixtures("lsm_signals")
+def test_a_layer_stopped_in_its_shear_goes_on_to_the_same_bits(runtime, sheared, tmp_path):
+    folder, params, _ = sheared("sphere")
+    out = tmp_path / folder.name
+    with pytest.raises(signals.Interrupted):
+        shear_gouge.run(params, out, stop_at(30))
+    stopped = lsm.open_run(out / "run.nc")
+    assert stopped.run_status == "interrupted" and "shear" in stopped.stage.values
+    assert len(stopped.time) < len(lsm.open_run(folder / "run.nc").time)
+    shear_gouge.run(params, out, existing="resume")
+    assert differences(out, folder) == []
+    assert not list(out.glob("*checkpoint*"))
+
+
+@pytest.mark.validate
+@pytest.mark.usefixtures("lsm_signals")
 def test_a_layer_stopped_in_any_stage_goes_on_to_the_same_bits(runtime, sheared, tmp_path):
     """In the consolidation, then in the shear; the last two checkpoints, the first of them damaged in between."""
     folder, params, _ = sheared("sphere")
