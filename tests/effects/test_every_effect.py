@@ -62,29 +62,62 @@ RUNS = [
 SPRING, DT, DEPTH = 1.0e3, 1.0e-3, 1.0e-2
 
 
-@functools.cache
-def io_of(dim):
-    """Fields that all benches of a dimension share: a process has room for about a thousand."""
-    io = {name: ti.field(ti.f64, COUNT) for name in (*NUMBERS, "touching", "sliding", "lost", "energy")}
-    io |= {name: ti.Vector.field(dim, ti.f64, COUNT) for name in VECTORS}
-    io |= {name: ti.Vector.field(axial_size(dim), ti.f64, COUNT) for name in AXIAL}
-    return io | {"history": ti.Vector.field(MOST_HISTORY, ti.f64, COUNT)}
+@ti.data_oriented
+class Columns:
+    """Fields that all benches of a dimension share, read and written by one launch each: a step needs all of them."""
+
+    def __init__(self, dim):
+        self.fields = {name: ti.field(ti.f64, COUNT) for name in (*NUMBERS, "touching", "sliding", "lost", "energy")}
+        self.fields |= {name: ti.Vector.field(dim, ti.f64, COUNT) for name in VECTORS}
+        self.fields |= {name: ti.Vector.field(axial_size(dim), ti.f64, COUNT) for name in AXIAL}
+        self.fields["history"] = ti.Vector.field(MOST_HISTORY, ti.f64, COUNT)
+        self.places, self.components, first = {}, [], 0
+        for name, field in self.fields.items():
+            size = getattr(field, "n", 1)
+            self.places[name] = slice(first, first + size)
+            self.components += [(field, first + a, a if hasattr(field, "n") else -1) for a in range(size)]
+            first += size
+        self.values = np.zeros((COUNT, first))
+
+    @ti.kernel
+    def write(self, values: ti.types.ndarray()):
+        for c in range(COUNT):
+            for field, column, axis in ti.static(self.components):
+                if ti.static(axis < 0):
+                    field[c] = values[c, column]
+                else:
+                    field[c][axis] = values[c, column]
+
+    @ti.kernel
+    def read(self, values: ti.types.ndarray()):
+        for c in range(COUNT):
+            for field, column, axis in ti.static(self.components):
+                if ti.static(axis < 0):
+                    values[c, column] = field[c]
+                else:
+                    values[c, column] = field[c][axis]
+
+
+columns_of = functools.cache(Columns)
 
 
 @ti.data_oriented
 class Bench:
-    """Calls the hooks of one effect for COUNT contacts in one launch; what it reads and writes is in `io`."""
+    """Calls the hooks of one effect for COUNT contacts in one launch; what it reads and writes is in `columns`."""
 
     def __init__(self, effect, dim):
         self.effect, self.dim = effect.bound(), dim
         self.contact_type = contact_type(dim, [effect])
-        self.io = io_of(dim)
+        self.columns = columns_of(dim)
         self.reaches = effect.reach() > 0.0
         self.size = effect.history_size(dim)
         self.has_energy = hasattr(type(effect), "contact_energy")
-        for name, field in self.io.items():
+        for name, field in self.columns.fields.items():
             setattr(self, name, field)
-        self.energy.fill(0.0)  # not written by an effect without an energy, but perhaps by the one before
+
+    def take(self, effect):
+        """Go on with the parameters of another effect of the same variant."""
+        self.effect.write_parameters(effect)
 
     @ti.kernel
     def launch(self):
@@ -145,22 +178,23 @@ class Bench:
         return self.energy.to_numpy()
 
     def load(self, history, inputs):
-        for name in NUMBERS + VECTORS + AXIAL + ("touching",):
-            value = np.asarray(inputs.get(name, 0.0), float)
-            shape = (COUNT, self.dim) if name in VECTORS else (COUNT,)
-            shape = (COUNT, axial_size(self.dim)) if name in AXIAL else shape
-            self.io[name].from_numpy(np.broadcast_to(value, shape).copy())
-        held = np.zeros((COUNT, MOST_HISTORY))
+        values, places = self.columns.values, self.columns.places
+        values[:] = 0.0
+        for name, value in inputs.items():
+            value = np.asarray(value, float)
+            values[:, places[name]] = value[:, None] if value.shape == (COUNT,) else value
         if history is not None:
-            held[:, : history.shape[1]] = history
-        self.io["history"].from_numpy(held)
+            values[:, places["history"]][:, : history.shape[1]] = history
+        self.columns.write(values)
 
     def __call__(self, history=None, **inputs):
         """Outputs of one step as {name: array}; normal forces are what the effect added."""
         self.load(history, inputs)
         self.launch()
+        self.columns.read(self.columns.values)
         names = ("normal_force", "tangential_force", "contact_moment", "lost", "energy", "history", "sliding")
-        out = {name: self.io[name].to_numpy() for name in names}
+        out = {name: self.columns.values[:, self.columns.places[name]].copy() for name in names}
+        out |= {name: out[name][:, 0] for name in ("normal_force", "lost", "energy", "sliding")}
         out["history"] = out["history"][:, : max(1, self.size)]
         out["normal_force"] -= inputs.get("normal_force", 0.0)
         return out
@@ -175,10 +209,13 @@ _benches = {}
 
 
 def bench_of(cls, i, dim):
-    """Compiled bench of one case."""
-    if (cls, i, dim) not in _benches:
-        _benches[cls, i, dim] = Bench(cls.cases()[i], dim)
-    return _benches[cls, i, dim]
+    """Bench of one case; those of one variant differ in the values of parameters, and share their kernels."""
+    effect = cls.cases()[i]
+    variant = cls, effect.variant, effect.reach() > 0.0, dim
+    if variant not in _benches:
+        _benches[variant] = Bench(effect, dim)
+    _benches[variant].take(effect)
+    return _benches[variant]
 
 
 def random_contacts(rng, dim, touching=1):
