@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from taichi_lsm.effects import Bodies
-from tests.effects.test_every_effect import COUNT, DEPTH, EFFECTS, bench_of, random_contacts
+from tests.effects.test_every_effect import DEPTH, EFFECTS, random_contacts
+from tests.helpers.effect_bench import COUNT, bench_of
 from tests.helpers.scenes import PRECISION
 
 pytestmark = [
