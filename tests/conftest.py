@@ -17,6 +17,7 @@ os.environ.setdefault("TI_ADVANCED_OPTIMIZATION", "0")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import fcntl
+import gc
 import importlib
 import multiprocessing
 import sys
@@ -70,8 +71,12 @@ def precision_of(item):
 
 def pytest_collection_finish():
     """Import once, before the forks, what most children need."""
-    for name in ("matplotlib.figure", "netCDF4", "scipy.spatial", "taichi_lsm.simulation", "xarray"):
+    for name in (
+        *("matplotlib.backends.backend_agg", "matplotlib.figure", "netCDF4", "shapely", "xarray"),
+        *("scipy.optimize", "scipy.spatial", "scipy.stats", "taichi_lsm.simulation"),
+    ):
         importlib.import_module(name)
+    gc.freeze()  # what is there now is never garbage, and children need not look at it again and again
 
 
 @pytest.hookimpl(tryfirst=True)

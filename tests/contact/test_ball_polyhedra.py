@@ -9,7 +9,7 @@ from taichi_lsm.contact.polyhedron_table import PolyhedronTable
 from tests.helpers import scenes
 from tests.helpers.contact_probe import ContactProbe
 
-PAIRS = 80
+PAIRS = 48
 STIFFNESS = 1e5
 
 
