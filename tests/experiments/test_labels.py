@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import taichi_lsm as lsm
 from taichi_lsm.io.run_file import RunWriter
 from tests.helpers.output_files import LABELS, RUN, attributes
 from workflows import shear_gouge
 from workflows.common.small_scenes import scene_of
-from workflows.gouge.labels import friction_words, grain_words
+from workflows.gouge.labels import SPRING_WORDS, friction_words, grain_words, grains_of_run, shape_words, spring_words
+from workflows.gouge.parameters import SPRINGS
 
 HERTZ = {"name": "hertz", "youngs_modulus": 70e9, "poissons_ratio": 0.3}
 GLASS = (70e9 / 5e6) ** (2.0 / 3.0)  # stiffness number of glass at 5 MPa, 580.9
@@ -65,3 +67,36 @@ def test_grains_are_named_by_their_shapes():
     assert words(lsm.disc()) == "discs" and words(lsm.sphere(), 3) == "spheres"
     assert words(square) == "angular grains"
     assert words(lsm.shapes.equal_clump(square, 6)) == "clumps"
+
+
+@pytest.mark.parametrize(("shape", "dim", "words"), [("round", 2, "discs"), ("round", 3, "spheres")])
+def test_round_grains_are_named_by_their_dimension(shape, dim, words):
+    assert shape_words(shape, dim) == words and shape_words("angular", dim) == "angular grains"
+
+
+def test_a_spring_is_named_in_the_unit_in_which_it_was_given():
+    assert set(SPRING_WORDS) == set(SPRINGS)
+    given = {"load_stiffness": 2e6, "load_stiffness_area": 1e12, "load_stiffness_ratio": 0.01}
+    words = {name: spring_words(shear_gouge.Params(**{name: value})) for name, value in given.items()}
+    assert words == {
+        "load_stiffness": "2e+06 N/m",
+        "load_stiffness_area": "1e+12 Pa/m",
+        "load_stiffness_ratio": "0.01 times the shear stiffness of the layer",
+    }
+    assert spring_words(shear_gouge.Params()) is None
+
+
+@pytest.mark.parametrize(
+    ("title", "words"),
+    [
+        ("Shear of a layer of clumps in 2D", "clumps"),  # what ran, whatever the option says
+        (
+            "Shear of a layer of breakable grains in 2D",
+            "breakable angular grains (7 pieces each, bond strength 20 times",
+        ),
+        ("", "angular grains"),
+    ],
+)
+def test_the_grains_of_a_run_are_those_that_its_file_names(title, words):
+    params = shear_gouge.Params(shape="angular", breakable=True)
+    assert grains_of_run(xr.Dataset(attrs={"title": title}), params).startswith(words)

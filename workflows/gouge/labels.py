@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
     import xarray
 
 ROUND = {2: "discs", 3: "spheres"}
+SPRING_WORDS = {  # by the parameter that gives the stiffness of the spring of the load point
+    "load_stiffness": "{:g} N/m",
+    "load_stiffness_area": "{:g} Pa/m",
+    "load_stiffness_ratio": "{:g} times the shear stiffness of the layer",
+}
 
 
 def grain_words(scene: lsm.Scene) -> str:
@@ -23,6 +29,39 @@ def grain_words(scene: lsm.Scene) -> str:
     if any(len(shape.parts) > 1 for shape in shapes):
         return "clumps"
     return ROUND[scene.dim] if all(shape.patch_count == 1 for shape in shapes) else "angular grains"
+
+
+def shape_words(shape: str, dim: int) -> str:
+    """Grains of a shape, by its option, in words."""
+    return ROUND[dim] if shape == "round" else "angular grains"
+
+
+def grains_of_run(run: xarray.Dataset, params: Any) -> str:
+    """The mobile grains of a run in words, as the title of its file names those that ran (`grain_words`).
+
+    params: attributes by the name of a parameter, as stored in the file. Breakable grains have pieces and bonds there,
+    those of a file without such a title are named by their option.
+    """
+    of_title = re.fullmatch(r"Shear of a layer of (.+) in \dD", str(run.attrs.get("title", "")))
+    words = of_title[1] if of_title else shape_words(params.shape, params.dim)
+    if words != "breakable grains":
+        return words
+    pieces, strength = (getattr(params, name, None) for name in ("pieces", "bond_strength"))
+    known = [f"{pieces} pieces each"] if pieces else []
+    known += [f"bond strength {strength:g} times the normal stress"] if strength else []
+    return f"breakable {shape_words(params.shape, params.dim)}" + (f" ({', '.join(known)})" if known else "")
+
+
+def spring_words(params: Any) -> str | None:
+    """The spring of the load point in words, in the unit in which the run was given it; None without one.
+
+    params: attributes by the name of a parameter, as stored in the file, where none is a word.
+    """
+    for name, words in SPRING_WORDS.items():
+        value = getattr(params, name, None)
+        if isinstance(value, int | float):
+            return words.format(value)
+    return None
 
 
 def friction_words(run: xarray.Dataset) -> str:

@@ -18,8 +18,11 @@ SEGMENTS = 32  # chords in a quarter of a circle, in sections
 ARC_STEP = 0.3  # rad, longest chord of an outline
 MAP = "cividis"  # stays in order for colour-blind eyes and in grey
 FAULT = "#D55E00"
+MIDDLE = "through the middle"
+BEYOND = 0.2  # of the height of the layer, shown at most beyond the platens
+BAR_WIDTH = 0.05  # of the bar of the colours, over the longer side of the layer
 ARROW_SPACE = 0.08  # of the height of the layer, for the direction of the shear above it
-BAR = "velocity along the shear / velocity of the top platen [1]"
+BAR = "velocity along the shear /\nvelocity of the top platen [1]"  # in two lines: one would be longer than the bar
 
 
 class Snapshot(NamedTuple):
@@ -31,30 +34,60 @@ class Snapshot(NamedTuple):
     glued: np.ndarray  # (grain,) bool
     period: float  # along x [mm]
     number: np.ndarray  # (grain,) persistent
+    is_section: bool = False  # of a 3D layer, which does not cut all its grains
 
 
-def read_snapshot(path: Path, index: int = -1) -> Snapshot:
-    """Snapshot `index` of the file grains.nc at `path`; in 3D the section through the middle of the width.
+def section_words(dim: int, where: str = MIDDLE) -> str:
+    """What a title says of a 3D layer: that what is drawn is a section, whose grains look smaller than they are."""
+    return f"section {where}" if dim == 3 else ""
+
+
+def read_snapshot(path: Path, index: int = -1, through: int | None = None) -> Snapshot:
+    """Snapshot `index` of the file grains.nc at `path`; in 3D a section along the shear.
 
     The positions on file are unwrapped; the file names the lengths of the periodic axes.
+
+    Parameters
+    ----------
+    path, index
+        Of the file; of the snapshot in it.
+    through
+        Number of the grain through whose centre the section goes; None, or a grain whose position is not known: through
+        the middle of the width.
+
+    Raises
+    ------
+    InputError
+        If the file has no snapshot, or no grain of it is anywhere.
     """
     grains = lsm.open_run(Path(path))
+    if not grains.sizes["time"]:
+        raise lsm.InputError(f"{path}: holds no snapshot yet, which a picture of the layer needs")
     now = grains.isel(time=index)
     period = 1e3 * np.atleast_1d(grains.attrs["periodic_lengths"])
+    plane = np.nan if through is None or now.sizes["space"] == 2 else 1e3 * float(now.position[through, 2])
+    # A run that went wrong may have left grains that are nowhere.
+    finite = [np.isfinite(now[name].values).all(axis=1) for name in ("position", "velocity")]
+    number = np.flatnonzero(np.all(finite, axis=0))
+    if not number.size:
+        raise lsm.InputError(f"{path}: no grain of the snapshot has a finite position and velocity, so none is drawn")
+    now = now.isel(grain=number)
     position, velocity, glued = 1e3 * now.position.values, now.velocity.values[:, 0], now.kind.values == 1
-    height, number = position[:, 1], np.arange(len(position))
-    platen_velocity = velocity[glued & (height > height.mean())].mean()
-    velocity = velocity / (platen_velocity or 1.0)
+    height = position[:, 1]
+    platens = height[glued] if glued.any() else height
+    upper = velocity[glued & (height > platens.mean())]
+    velocity = velocity / ((upper.mean() if upper.size else 0.0) or 1.0)
     if len(period) == 1:
         outlines = _rotated_outlines(grains, now)
     else:
-        off = np.mod(position[:, 2], period[1]) - 0.5 * period[1]
+        plane = plane if np.isfinite(plane) else 0.5 * period[1]
+        off = np.mod(position[:, 2] - plane + 0.5 * period[1], period[1]) - 0.5 * period[1]
         outlines = _sections(grains, now, off)
         cut = np.array([o is not None for o in outlines])
         outlines = [o for o in outlines if o is not None]
         position, velocity, glued, number = position[cut, :2], velocity[cut], glued[cut], number[cut]
     position[:, 0] %= period[0]
-    return Snapshot(outlines, position, velocity, glued, period[0], number)
+    return Snapshot(outlines, position, velocity, glued, period[0], number, len(period) > 1)
 
 
 def _sections(grains, now, off):
@@ -118,6 +151,18 @@ def _arc(middle, half):
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
+def bar_beside(axes: Any) -> Any:
+    """Axes for a colour bar at the right border of a layer, whose width follows from its shape; of its height."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    width = BAR_WIDTH * max(1.0, (high - low) / (right - left))  # a bar on a narrow layer would be a line
+    return axes.inset_axes((1.0 + width, 0.0, width, 1.0))
+
+
+def draw_colour_bar(figure: Any, drawn: Any, **place: Any) -> None:
+    """Explain the colours of `draw_packing`: `drawn` is what it returned, `place` where, as matplotlib takes it."""
+    figure.colorbar(drawn, extend="both", **place).set_label(BAR, fontsize=8.8)
+
+
 def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> Any:
     """Draw the outlines coloured by velocity; returns the collection for a colour bar.
 
@@ -141,7 +186,10 @@ def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> A
     axes.add_collection(drawn)
     axes.add_collection(PolyCollection(edged, facecolor="none", edgecolor=FAULT, lw=1.8))
     # The direction of the shear stands above the upper platen: beside the title of a narrow layer is no space for it.
-    low, high = y.min() - reach, y.max() + reach
+    # A grain that has flown far away is outside the frame.
+    platens = y[snapshot.glued] if snapshot.glued.any() else y
+    beyond = BEYOND * (platens.max() - platens.min())
+    low, high = max(y.min(), platens.min() - beyond) - reach, min(y.max(), platens.max() + beyond) + reach
     space = ARROW_SPACE * (high - low)
     axes.set(xlim=(0, period), ylim=(low, high + space), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.4}

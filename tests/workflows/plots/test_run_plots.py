@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
 from tests.helpers.pictures import curves, panels
-from workflows.plots import layer_pictures, run_plots, slip_and_breakage
+from workflows.plots import layer_pictures, run_plots
 
 
 def area(outline):
@@ -61,18 +61,6 @@ def test_positions_are_wrapped_and_velocities_relative_to_the_platen(sheared):
     assert np.allclose(snapshot.velocity, on_file / on_file[upper].mean())
 
 
-def test_a_mean_is_written_with_its_interval_or_with_the_word_unknown():
-    estimate = lsm.statistics.Estimate(0.2612, 0.002, 3.0, 2.0)
-    assert run_plots.estimate_text(estimate) == "0.261, 95 % interval 0.253 to 0.270"
-    assert run_plots.estimate_text(estimate._replace(standard_error=np.nan)) == "0.261, error unknown"
-
-
-def test_running_mean():
-    assert np.allclose(run_plots.running_mean(np.full(7, 3.0), 4), 3.0)
-    assert np.allclose(run_plots.running_mean(np.arange(5.0), 3), [0.5, 1, 2, 3, 3.5])
-    assert run_plots.running_mean(np.arange(3.0), 10).shape == (3,)
-
-
 def test_a_long_title_is_cut_into_lines_of_about_equal_length():
     text = "normal stress 5 MPa, " * 7 + "stiffness number 1000"
     lines = run_plots.wrapped(text).split("\n")
@@ -81,70 +69,11 @@ def test_a_long_title_is_cut_into_lines_of_about_equal_length():
     assert run_plots.wrapped("short") == "short"
 
 
-@pytest.mark.parametrize(("shape", "dim", "words"), [("round", 2, "discs"), ("round", 3, "spheres")])
-def test_round_grains_are_named_by_their_dimension(shape, dim, words):
-    assert run_plots.name_of(shape, dim) == words and run_plots.name_of("angular", dim) == "angular grains"
-
-
-def test_only_checked_references_are_drawn():
-    rows = run_plots.published_rows()
-    assert sum(len(row[-1]) for row in rows) == sum(r["note"] != "unchecked" for r in lsm.published_friction())
-    assert {row[3] for row in rows} == {"laboratory", "simulation"}
-    assert [row[2] for row in rows if row[5]] == [
-        "discs 2D, no rotation, Latham 2005",
-        "spheres 3D, no rotation, Latham 2005",
-    ]
-    assert len({row[2:4] for row in rows}) == len(rows)  # no two rows have the same words
-
-
 @pytest.mark.parametrize(("kind", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_the_picture_of_a_run_is_written(sheared, kind, magic):
     folder, _, _ = sheared("angular")
     path = run_plots.plot_run(folder, kind)
     assert path == folder / f"run.{kind}" and path.read_bytes().startswith(magic)
-
-
-def layer_on_a_spring():
-    """Rows of a layer that sticks for 9 of 10 rows and then catches up with the load point."""
-    time = np.linspace(0.0, 0.04, 41)  # [s]
-    load = 2e-3 * time  # [m]
-    displacement = 2e-3 * 0.01 * np.floor(time / 0.01 + 1e-9)
-    friction = 0.3 + 0.2 * (load - displacement) / load[10]
-    rows = {
-        "load_point_velocity": np.full(41, 2e-3),
-        "displacement": displacement,
-        "platen_shear_stress": 5e6 * friction,
-        "platen_normal_stress": np.full(41, 5e6),
-        "shear_strain": np.linspace(0.0, 1.0, 41),
-        "bond_count": np.linspace(200, 150, 41).astype(int),
-        "fragment_count": np.linspace(20, 44, 41).astype(int),
-    }
-    return xr.Dataset({name: ("time", values) for name, values in rows.items()}, coords={"time": time})
-
-
-def test_stick_slip_is_drawn_against_the_load_point_and_time():
-    rows = layer_on_a_spring()
-    axes = Figure().subplots()
-    slip_and_breakage.draw_stick_slip(axes, rows, "e")
-    axes.figure.draw_without_rendering()
-    (friction,) = axes.lines
-    assert np.allclose(friction.get_xdata(), 1e6 * 2e-3 * rows.time.values)  # [um]
-    assert np.allclose(friction.get_ydata(), rows.platen_shear_stress / 5e6)
-    slip = next(other for other in axes.figure.axes if other is not axes)
-    velocity, edges, _ = slip.patches[0].get_data()
-    assert np.allclose(edges, friction.get_xdata())
-    assert np.allclose(velocity[:9], 0.0, atol=1e-9) and velocity[9] == pytest.approx(10.0)  # 10 rows' way in one
-    (above,) = axes.child_axes
-    assert above.get_xlabel() == "time since shear began [ms]" and above.get_xlim() == pytest.approx((0.0, 40.0))
-
-
-def test_breakage_is_drawn_with_bonds_and_fragments():
-    axes = Figure().subplots()
-    slip_and_breakage.draw_breakage(axes, layer_on_a_spring(), "f")
-    assert axes.lines[0].get_ydata()[[0, -1]] == pytest.approx([0.0, 25.0])  # [%]
-    other = next(a for a in axes.figure.axes if a is not axes)
-    assert other.lines[0].get_ydata()[[0, -1]].tolist() == [20, 44]
-    assert axes.get_title() == "(f) breakage: 200 bonds, 20 to 44 fragments"
 
 
 def test_the_platens_are_unlike_every_colour_of_the_map(sheared):
@@ -170,12 +99,53 @@ def test_the_arrow_of_the_shear_is_inside_the_frame_whatever_the_width(sheared):
     assert top < arrow.xy[1] < high and 0.0 < arrow.xy[0] < snapshot.period
 
 
+def test_a_title_is_cut_at_commas_and_never_inside_an_option():
+    text = (
+        "2D gouge of discs, 105 to 149 µm across, normal stress 5 MPa, Coulomb friction (coefficient 0.5), of number 1"
+    )
+    for width in (60, 80, 100):
+        assert all(line.endswith(",") for line in run_plots.wrapped(text, width).split("\n")[:-1])
+    long = (
+        "the grains overlap by more than a tenth of what they can carry at this place: raise --stiffness-number to 3000"
+    )
+    for width in range(30, 100, 7):
+        assert "--stiffness-number" in run_plots.wrapped(long, width)
+
+
+@pytest.mark.parametrize("shift", [-0.5, 0.0])
+def test_friction_below_zero_is_inside_the_panel(sheared, shift):
+    _, params, dataset = sheared("round")
+    rows = dataset.isel(time=dataset.stage.values == "shear")
+    rows = rows.assign(
+        friction=rows.friction + shift, platen_shear_stress=rows.platen_shear_stress + shift * rows.platen_normal_stress
+    )
+    axes = Figure().subplots()
+    run_plots._draw_friction(axes, rows, params)
+    drawn = [curves(axes)[label][1] for label in ("in the bulk", "the same at the top platen")]
+    least, greatest = min(y.min() for y in drawn), max(y.max() for y in drawn)
+    low, high = axes.get_ylim()
+    assert low <= least and greatest < high and (low < 0.0) == (least < 0.0)
+    assert (0.0 in [line.get_ydata()[0] for line in axes.lines if np.ptp(line.get_ydata()) == 0.0]) == (least < 0.0)
+
+
+def test_the_title_says_what_ran_and_what_pulled_it(sheared):
+    _, params, dataset = sheared("angular")
+    rows = dataset.isel(time=dataset.stage.values == "shear")
+    grains = run_plots.grains_of_run(dataset, params)
+    assert run_plots._conditions(params, rows, grains).startswith(
+        "2D gouge of angular grains, 105 to 149 µm across, sheared at constant velocity, normal stress 5 MPa"
+    )
+    changed = params.model_copy(update={"load_stiffness_ratio": 0.01, "largest_diameter": params.smallest_diameter})
+    words = run_plots._conditions(changed, rows, "discs")
+    assert "discs, 105 µm across, pulled by a spring of 0.01 times the shear stiffness of the layer, normal" in words
+
+
 def test_a_title_has_no_number_for_what_is_unknown(sheared):
     _, params, dataset = sheared("round")
     rows = dataset.isel(time=dataset.stage.values == "shear").assign(stiffness_number=np.nan)
-    assert run_plots._conditions(params, rows).endswith(", stiffness number unknown")
+    assert run_plots._conditions(params, rows, "discs").endswith(", stiffness number unknown")
     rows = rows.assign(inertial_number=rows.inertial_number * np.nan)
-    assert ", inertial number unknown, stiffness number unknown" in run_plots._conditions(params, rows)
+    assert ", inertial number unknown, stiffness number unknown" in run_plots._conditions(params, rows, "discs")
 
 
 def test_a_shape_without_a_complete_run_says_how_its_runs_ended():
@@ -194,6 +164,7 @@ def test_the_picture_of_a_run_shows_what_its_files_hold(sheared, pictures):
     rows = dataset.isel(time=dataset.stage.values == "shear")
     strain = rows.shear_strain.values
     title = pictures[0].get_suptitle().replace("\n", " ")
+    assert title.startswith("2D gouge of angular grains, ")
     assert "Coulomb friction (coefficient 0.5), inertial number" in title and "stiffness number 1000" in title
     friction, layer, thickness, energy = panels(pictures[0], "abcd")
     assert not any(axes.get_title("left").startswith("(e)") for axes in pictures[0].axes)  # no spring, no bonds

@@ -1,0 +1,56 @@
+"""What the pictures of friction share: means in words, running means, and axes that hold all that is drawn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import taichi_lsm as lsm
+
+COLOUR_OF_ZERO = "0.5"
+DASHES = (0, (5, 3))  # of means
+MARGIN = 0.05  # of the span, below what is negative
+SMOOTH_STRAIN = 0.05  # width of the running mean of curves
+
+
+def estimate_text(estimate: lsm.statistics.Estimate) -> str:
+    """A mean as legends show it, such as "0.261, 95 % interval 0.252 to 0.270"."""
+    low, high = estimate.interval
+    known = f"95 % interval {low:.3f} to {high:.3f}" if np.isfinite(low) else "error unknown"
+    return f"{estimate.mean:.3f}, {known}"
+
+
+def axis_limits(*values: ArrayLike, space: float) -> tuple[float, float]:
+    """Limits (low, high) of an axis that holds all `values`, which are known or nan.
+
+    The axis begins at 0, and below the least value where that is negative; it is `space` times as long as the values
+    need, at its upper end.
+    """
+    numbers = np.concatenate([np.ravel(np.asarray(v, float)) for v in values])
+    numbers = numbers[np.isfinite(numbers)]
+    low, high = min(0.0, numbers.min(initial=0.0)), max(0.0, numbers.max(initial=0.0))
+    if low == high:
+        high = 1.0
+    if low < 0.0:
+        low -= MARGIN * (high - low)
+    return float(low), float(low + space * (high - low))
+
+
+def draw_zero(axes: Any) -> None:
+    """A line at 0 across a vertical axis that goes below it."""
+    if axes.get_ylim()[0] < 0.0:
+        axes.axhline(0.0, color=COLOUR_OF_ZERO, lw=0.8, zorder=1)
+
+
+def running_mean(values: NDArray, width: int) -> NDArray:
+    """Mean over `width` samples about each, fewer at the ends; same length as `values`."""
+    kernel = np.ones(min(max(1, width), len(values)))
+    return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
+
+
+def smoothed(strain: NDArray, values: NDArray) -> NDArray:
+    """Mean of the values over SMOOTH_STRAIN about each strain (n,)."""
+    step = (strain[-1] - strain[0]) / max(1, len(strain) - 1)
+    return running_mean(values, round(SMOOTH_STRAIN / step) if step > 0 else 1)
