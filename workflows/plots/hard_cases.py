@@ -9,7 +9,7 @@ import numpy as np
 from workflows.common.run_table import Rows
 
 COLOURS = {"f64": "#0072b2", "f32": "#e69f00"}
-LEAST = 1e-12  # least share of a bound on the axis; smaller ones are drawn at the border
+LEAST, GREATEST = 1e-12, 5e2  # shares of a bound on the axis; what lies beyond is drawn at the border
 
 
 def plot_cases(path: Path, rows: Rows) -> None:
@@ -25,12 +25,14 @@ def plot_cases(path: Path, rows: Rows) -> None:
     axes = figure.subplots()
     axes.axvspan(1.0, 1e3, color="#d55e00", alpha=0.18, lw=0)
     axes.axvline(1.0, color="#d55e00", lw=1)
+    beyond = False
     for precision, offset in (("f64", -0.14), ("f32", 0.14)):
         own = [row for row in rows if row["precision"] == precision]
         used = np.array([0.0 if row["value"] == 0.0 else 1.0 / max(row["margin"], 1e-300) for row in own])
         at = np.array([names.index(row["case"]) for row in own]) + offset
         judged = np.array([row["status"] < 2 for row in own], bool)
-        drawn = np.clip(used, LEAST, 5e2)
+        drawn = np.clip(used, LEAST, GREATEST)
+        beyond |= bool(np.any(used > GREATEST))
         colour = COLOURS[precision]
         for chosen, fill, label in ((judged, colour, precision), (~judged, "none", f"{precision}, excepted")):
             if chosen.any():
@@ -41,8 +43,10 @@ def plot_cases(path: Path, rows: Rows) -> None:
         axes.axhline(border - 0.5, color="0.6", lw=0.6)
     axes.set(xscale="log", xlim=(0.6 * LEAST, 1e3), ylim=(len(names) - 0.5, -0.5))
     axes.set_yticks(range(len(names)), [titles[name] for name in names], fontsize=8)
-    axes.set_xlabel("measured value over its bound [1]; at the left border: exact, or nearly")
+    at_right = f", at the right border: {GREATEST:g} times or more, or no result" if beyond else ""
+    axes.set_xlabel(f"measured value over its bound [1]; at the left border: exact, or nearly{at_right}")
     axes.set_title("Hard cases: left of the line the case holds", loc="left")
     axes.grid(axis="x", color="0.9")
-    axes.legend(loc="upper right", frameon=True, fontsize=8)  # beyond the bounds there is little to cover
+    # Above the frame, beside the title: inside it a legend may cover the very case that failed.
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False, fontsize=8, borderaxespad=0.1)
     figure.savefig(path, dpi=130)

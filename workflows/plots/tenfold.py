@@ -24,6 +24,7 @@ QUANTITIES = (*DEFAULTS, *OWN)
 NO_AXIS = "platen_roughness"  # no roughness of the walls is the most accurate one
 UNRESOLVED, NEVER = "no effect beyond the standard errors", "more time does not help"
 FREE = 1.05  # times as long: a smaller factor is lost in the noise
+LEAST = 0.3  # times as long, up to which the picture goes at least
 FARTHEST = 1e5  # times as long, at the border of the picture
 
 
@@ -119,7 +120,8 @@ def plot_summary(path: Path, found: dict[Any, Any]) -> None:
         axes.text(place, i, text_of(bar), ha="right" if left else "left", **style)
     axes.axvline(1.0, color="0.3", lw=1.0)
     axes.set_yticks(range(len(bars)), [bar.name for bar in bars], fontsize=8.5)
-    axes.set(xscale="log", xlim=(0.3, FARTHEST), ylim=(len(bars) - 0.4, -0.6))
+    least = min([LEAST, *(0.6 * bar.begin for bar in bars if not bar.note)])
+    axes.set(xscale="log", xlim=(least, FARTHEST), ylim=(len(bars) - 0.4, -0.6))
     axes.set_xlabel("time over that of the default settings [1]")
     axes.set_title(
         "What ten times less error costs: a bar begins at the time for the error of the default settings and ends at\n"

@@ -54,7 +54,7 @@ def plot_work_precision(path: Path, found: dict[Any, Any]) -> None:
     from matplotlib.figure import Figure
     from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
-    figure = Figure(figsize=(15, 10.5), layout="constrained")
+    figure, with_bars = Figure(figsize=(15, 10.5), layout="constrained"), False
     FigureCanvasAgg(figure)
     for axes, (title, quantities) in zip(figure.subplots(2, 3).flat, PANELS, strict=True):
         own = [curve for (_, quantity), curve in found.items() if quantity in quantities]
@@ -67,7 +67,9 @@ def plot_work_precision(path: Path, found: dict[Any, Any]) -> None:
             error = np.where(np.isfinite(curve.error_se), curve.error_se, 0.0)[known]
             low = np.minimum(error, 0.7 * curve.error[known])
             style = {"color": colour, "fmt": "o-", "ms": 4, "lw": 1.3, "capsize": 2, "label": text}
-            axes.errorbar(curve.relative[known], curve.error[known], yerr=(low, error), **style)
+            bars = (low, error) if np.any(error > 0.0) else None  # a legend shows bars where there are any
+            axes.errorbar(curve.relative[known], curve.error[known], yerr=bars, **style)
+            with_bars |= bars is not None
             if quantities[0] in WRITTEN:
                 for x, y, setting in zip(curve.relative[known], curve.error[known], np.array(curve.setting)[known]):
                     axes.annotate(setting, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=7, color=colour)
@@ -88,7 +90,12 @@ def plot_work_precision(path: Path, found: dict[Any, Any]) -> None:
             low, high = axes.get_ylim()
             axes.set_ylim(low, high * (high / low) ** (share / (1.0 - share)))
             axes.legend(fontsize=7.5, frameon=False, loc="upper right")
-    figure.suptitle("Error against time; in brackets the power of the time with which the error falls")
+        else:
+            axes.tick_params(which="both", bottom=False, left=False, labelbottom=False, labelleft=False)
+            axes.grid(False)
+            axes.text(0.5, 0.5, "no error known", transform=axes.transAxes, ha="center", va="center", color="0.4")
+    bars = "; bars: standard errors" if with_bars else ""
+    figure.suptitle(f"Error against time; in brackets the power of the time with which the error falls{bars}")
     figure.savefig(path, dpi=120)
 
 

@@ -44,3 +44,40 @@ def test_metrics_hold_the_interval_of_the_friction_or_why_it_is_unknown():
     known, unknown = (metrics[f"friction_{kind}_{last}"] for kind in ("patches", "clump"))
     assert np.allclose(known.interval or (), (0.3 - HALF_WIDTH, 0.3 + HALF_WIDTH)) and unknown.interval is None
     assert "shear it further" in (metrics[f"friction_clump_{last}_se"].note or "")
+
+
+def rows_of(kinds=("patches", "clump"), counts=(12, 30), **changed):
+    row = {"shape_error": 0.01, "cost": 1e-9, **FRICTION} | changed
+    return [row | {"kind": kind, "elements": n} for kind in kinds for n in counts]
+
+
+def drawn_axes(rows, path, pictures):
+    outline = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    plot_roughness(path, rows, outline, outline)
+    return pictures[-1].get_axes()
+
+
+def test_the_title_of_friction_says_of_which_means_the_interval_is_known(tmp_path, pictures):
+    unknown = {"friction_se": np.nan, "friction_ess": np.nan}
+    none, some = rows_of(**unknown), rows_of(counts=(12,)) + rows_of(counts=(30,), **unknown)
+    only_first = rows_of(counts=(12,)) + rows_of(counts=(30,), **dict.fromkeys([*FRICTION, "cost"], np.nan))
+    titles = []
+    for rows in (rows_of(), some, none, only_first):
+        friction = drawn_axes(rows, tmp_path / "roughness.png", pictures)[2]
+        titles.append(friction.get_title().removeprefix("Friction of the layer"))
+        assert any(part.lines[2] for part in friction.containers) == (rows is not none)  # no bar, also in the legend
+    assert titles == [", 95 % intervals", ", 95 % intervals where known", ", error unknown", ", 95 % intervals"]
+
+
+def test_an_interrupted_comparison_has_legends_of_what_is_drawn(tmp_path, pictures):
+    fitted = rows_of(("patches",), **dict.fromkeys([*FRICTION, "cost"], np.nan))
+    _, error, friction, cost = drawn_axes(fitted, tmp_path / "roughness.png", pictures)
+    assert [text.get_text() for text in error.get_legend().get_texts()] == ["patches"]
+    for axes in (friction, cost):
+        assert axes.get_legend() is None and [text.get_text() for text in axes.texts] == ["not measured"]
+
+
+def test_intervals_below_zero_are_inside_the_panel(tmp_path, pictures):
+    rows = rows_of(friction_mean=0.1, friction_se=0.1)
+    friction = drawn_axes(rows, tmp_path / "roughness.png", pictures)[2]
+    assert friction.get_ylim()[0] < 0.1 - 10 * HALF_WIDTH and friction.get_ylim()[1] > 0.1 + 10 * HALF_WIDTH
