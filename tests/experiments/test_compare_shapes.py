@@ -184,7 +184,7 @@ def test_the_printed_table_has_a_line_per_run(compared):
 def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivors):
     done, table, _ = compared
 
-    def some_fail(jobs, at_a_time, progress):
+    def some_fail(jobs, at_a_time, progress, resume):
         for label in survivors:
             shutil.copytree(done / "runs" / label, tmp_path / "runs" / label)
         raise lsm.SimulationError("run angular-2 failed")
