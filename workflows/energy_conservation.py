@@ -19,6 +19,7 @@ from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
 from workflows.common import signals
+from workflows.common.child_reports import SILENT, child_reports
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
@@ -49,7 +50,12 @@ ORDERS = {  # name of the metric of each scheme; orders are measured in 2D
     2: {"velocity_verlet": "order", "onset_verlet": "order_onset", "symplectic_euler": "order_euler"},
     3: {},
 }
-
+MEASURED = {  # by the purpose of a run
+    "drift": "the drift",
+    "long": "the drift of a long run",
+    "order": "the order",
+    "plateau": "the plateau of cones",
+}
 
 Series = dict[str, NDArray]  # time [s] and energies [J] of the samples of a run
 MOST_PROBED = 400  # grains, which are made in a second or two
@@ -254,10 +260,13 @@ def root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def measure_scheme(params: Params, scheme: str) -> tuple[Rows, Series]:
-    """All runs of one scheme: (rows, series), see `measure`."""
+def measure_scheme(params: Params, scheme: str, report: Progress = SILENT) -> tuple[Rows, Series]:
+    """All runs of one scheme: (rows, series), see `measure`; `report` takes a report at the beginning of each."""
     gas, rows, series = Gas(params, scheme), [], []
-    for run in runs_of(params, scheme):
+    runs = runs_of(params, scheme)
+    for number, run in enumerate(runs, start=1):
+        compiling = "" if run.grains in gas.sims else "making a packing, compiling; "
+        report({"stage": f"{compiling}run to measure {MEASURED[run.purpose]}", "done": number, "total": len(runs)})
         energies = gas.run(run.grains, run.seed, run.steps_per_contact, run.steps)
         drifts = {"drift": drift(energies), "shadow_drift": drift(energies, True)}
         rows.append({"scheme": scheme, **run._asdict(), **drifts})
@@ -277,13 +286,12 @@ def measure(
     rows, series = [], {}
     schemes = schemes_of(params)
     try:
-        if progress:
-            progress({"state": f"making packings, compiling and running {len(schemes)} schemes, two at a time"})
-        calls = {scheme: (measure_scheme, params, scheme) for scheme in schemes}
-        for scheme, (own, series[scheme]) in parts.made_in_processes(calls):
-            rows += own
-            if progress:
-                progress({"label": scheme, "state": f"{len(own)} runs done"})
+        with child_reports(progress) as reports:
+            reports.show({"stage": f"starting the processes of {len(schemes)} schemes, two at a time"})
+            calls = {scheme: (measure_scheme, params, scheme, reports.of(scheme)) for scheme in schemes}
+            for scheme, (own, series[scheme]) in parts.made_in_processes(calls):
+                rows += own
+                reports.show({"label": scheme, "state": f"{len(own)} runs done", "ended": True})
     except signals.Interrupted as stop:
         return rows, series, stop
     return rows, series, None

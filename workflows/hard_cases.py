@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from pydantic import Field
 
 import taichi_lsm as lsm
+from workflows.common.child_reports import SILENT, child_reports
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
@@ -91,10 +92,14 @@ def precisions_of(params: Params) -> tuple[str, ...]:
     return ("f64", "f32") if params.precision == "both" else (params.precision,)
 
 
-def run_kind(kind: str, precision: str, short: bool) -> Rows:
-    """Rows, one dict per case, of all cases of a file; to be called in a process of its own."""
-    bench, rows = Bench(precision, short), []
-    for case in cases_of(kind):
+def run_kind(kind: str, precision: str, short: bool, report: Progress = SILENT) -> Rows:
+    """Rows, one dict per case, of all cases of a file; to be called in a process of its own.
+
+    `report` takes a report at the beginning of each case.
+    """
+    bench, rows, cases = Bench(precision, short), [], cases_of(kind)
+    for number, case in enumerate(cases, start=1):
+        report({"stage": case.title, "done": number, "total": len(cases)})
         began, reason = time.perf_counter(), case.excepted if precision == "f32" else ""
         try:
             value = float(case.run(bench))
@@ -123,12 +128,16 @@ def measure(params: Params, parts: FinishedParts, progress: Progress | None = No
     """Rows of all cases in all precisions, by file, two processes at a time."""
     kinds, rows = params.kinds or modules(), []
     jobs = [(kind, precision) for kind in reversed(kinds) for precision in precisions_of(params)]
-    calls = {f"{kind} {precision}": (run_kind, kind, precision, params.runs == "short") for kind, precision in jobs}
-    for label, own in parts.made_in_processes(calls):
-        rows += own
-        if progress:
+    with child_reports(progress) as reports:
+        calls = {}
+        for kind, precision in jobs:
+            label = f"{kind} {precision}"
+            calls[label] = (run_kind, kind, precision, params.runs == "short", reports.of(label))
+        reports.show({"stage": f"starting {len(calls)} processes, two at a time"})
+        for label, own in parts.made_in_processes(calls):
+            rows += own
             failed = sum(row["status"] == STATUS.index("failed") for row in own)
-            progress({"label": label, "state": f"{len(own)} cases, {failed} failed"})
+            reports.show({"label": label, "state": f"{len(own)} cases, {failed} failed", "ended": True})
     order = {kind: i for i, kind in enumerate(kinds)}
     return sorted(rows, key=lambda row: order[row["kind"]])  # stable: cases stay in the order of the text
 
@@ -168,8 +177,9 @@ def table_text(rows: Rows) -> str:
 
 
 def plain_lines(rows: Rows) -> Iterator[str]:
-    """One line for a case in one precision: title, value, bound, verdict."""
+    """A header, and one line for a case in one precision: title, value, bound, verdict."""
     widest = max(len(row["title"]) for row in rows)
+    yield f"{'case':{widest}}  in   {'value':>9}    {'bound':9} verdict"
     for row in rows:
         numbers = f"{row['value']:9.3g} <= {row['bound']:<9.3g}"
         line = f"{row['title']:{widest}}  {row['precision']}  {numbers} {STATUS[row['status']]}  {row['reason']}"

@@ -21,6 +21,7 @@ from pydantic import Field
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common import signals
+from workflows.common.child_reports import child_reports
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
 from workflows.common.parallel_runs import Progress, in_fresh_process
 from workflows.common.parameter_files import CONFIG
@@ -209,14 +210,21 @@ def shapes_of(params: Params, kind: str, elements: int) -> tuple[list[Any], floa
     return shapes, *np.mean(errors, axis=0)
 
 
-def shear(params: Params, kind: str, elements: int, out: Path) -> dict[str, float]:
-    """{column: value} of friction and cost of one layer, measured in the calling process."""
+def shear_silently(*of_layer: Any) -> dict[str, float]:
+    """As `shear`, in a process of its own, whose output is dropped: a run that reports also prints its summary."""
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    return shear(*of_layer)
+
+
+def shear(params: Params, kind: str, elements: int, out: Path, report: Progress | None = None) -> dict[str, float]:
+    """{column: value} of friction and cost of a layer, measured in the calling process; `report` takes its reports."""
     shapes, *_ = shapes_of(params, kind, elements)
     of_run = layer_params(params)
-    scene = shear_gouge.build(of_run, shapes=shapes)
     # A layer that is there was begun by this experiment, before it was stopped.
     existing = "resume" if (out / CONFIG).is_file() else "refuse"
-    dataset = shear_gouge.simulate(scene, of_run, out, None, existing=existing)
+    scene = shear_gouge.build(of_run, report, shapes=shapes)
+    dataset = shear_gouge.simulate(scene, of_run, out, report, existing=existing)
     metrics = shear_gouge.analyse(dataset, of_run)
     found = {name: number(metrics[name]) for name in FRICTION}
     return found | {"cost": 1.0 / rate_of(out)}
@@ -253,16 +261,19 @@ def _measure(params: Params, out: Path, parts: FinishedParts, rows: Rows, progre
                 rows.append(known)
                 continue
             if progress:
-                sheared = " and shearing a layer" if elements in sheared_counts(params) else ""
-                progress({"label": label, "state": f"fitting outlines{sheared}"})
+                progress({"label": label, "stage": "fitting outlines"})
             _, error, roughness = shapes_of(params, kind, elements)
             row = {"kind": kind, "elements": elements, "shape_error": error, "roughness": roughness}
             values = dict.fromkeys((*FRICTION, "cost"), np.nan)
             if elements in sheared_counts(params):
-                values = in_fresh_process(shear, params, kind, elements, out / "runs" / label)
+                if progress:
+                    progress({"label": label, "stage": "starting the process of a layer"})
+                with child_reports(progress) as reports:
+                    folder = out / "runs" / label
+                    values = in_fresh_process(shear_silently, params, kind, elements, folder, reports.of(label))
             rows.append(parts.put(label, row | values))
             if progress:
-                progress({"label": label, "state": f"shape error {error:.2e}"})
+                progress({"label": label, "state": f"shape error {error:.2e} diameters", "ended": True})
 
 
 def analyse(rows: Rows) -> dict[str, Metric]:

@@ -74,9 +74,18 @@ def test_a_measure_that_is_not_a_number_fails_its_case(monkeypatch):
     lost = SimpleNamespace(name="lost", title="Lost", why="", measure="", unit="1", excepted="")
     lost.run, lost.bound_in = (lambda bench: math.nan), (lambda precision: 1.0)
     monkeypatch.setattr(hard_cases, "cases_of", lambda kind: [lost])
-    rows = hard_cases.run_kind("steps", "f64", True)
+    reports = []
+    rows = hard_cases.run_kind("steps", "f64", True, reports.append)
+    assert reports == [{"stage": "Lost", "done": 1, "total": 1}]  # before it is run
     assert hard_cases.STATUS[rows[0]["status"]] == "failed" and rows[0]["reason"] == "the measure is not a number"
-    assert "nan" not in hard_cases.table_text(rows) and "nan" not in next(hard_cases.plain_lines(rows))
+    assert "nan" not in hard_cases.table_text(rows) and "nan" not in "".join(hard_cases.plain_lines(rows))
+
+
+def test_the_printed_table_has_a_header_above_its_columns():
+    header, *lines = hard_cases.plain_lines(ROWS)
+    assert header.split() == ["case", "in", "value", "bound", "verdict"] and len(lines) == len(ROWS)
+    assert header.index("verdict") == lines[0].index("passed")
+    assert header.index("bound") == lines[0].index("2 ")
 
 
 def test_unknown_kinds_are_refused(tmp_path):

@@ -1,9 +1,14 @@
-"""The progress of a run on one line: updated in a terminal, printed from time to time elsewhere."""
+"""The progress of a run on one line: updated in a terminal, printed from time to time elsewhere.
+
+Where a run makes no report for some seconds, as while kernels compile, the line tells for how long.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import signal
+import threading
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -12,8 +17,13 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from workflows.common.signals import HANDLED
+
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 10.0
+WAIT_S = 5.0  # without a report, before a line says for how long
+LONG_WAIT_S = 30.0  # from which on such lines come as seldom in plain output
+ENDED = ("done", "failed")  # states of a run that has ended
 
 
 class ProgressLine:
@@ -23,8 +33,9 @@ class ProgressLine:
     -----
     A report has any of: stage (text), done and total (counts of what the stage makes), height and height_goal [m],
     strain [1], strain_total [1], friction [1], normal_stress [Pa], energy_residual [1], steps_per_second_grain [grain
-    steps per second], eta [s], and, for one of several runs, label and state (texts). A report with a state, or of
-    another stage than the last one, is always shown. Missing and NaN values are left out of the line.
+    steps per second], eta [s], and, for one of several runs, label and state (texts) and whether it has `ended`. A
+    report with a state, or of another stage than the last one, is always shown. Missing and NaN values are left out of
+    the line. Any thread may call it.
     """
 
     def __init__(self, quiet: bool = False, console: Console | None = None, every: float | None = None) -> None:
@@ -36,19 +47,32 @@ class ProgressLine:
         self._shown_at: dict[str, float] = {}
         self._stage: dict[str, str | None] = {}  # of each label, as last shown
         self._live: Live | None = None
+        self._changing = threading.RLock()
+        self._last: dict | None = None  # report of what is being done
+        self._reported_at = self._printed_at = time.monotonic()
+        self._closed = threading.Event()
+        self._waiting: threading.Thread | None = None
 
     def __call__(self, report: Any) -> None:
         """Show a report, or drop it if one of the same label was shown less than the interval ago."""
         if self._quiet:
             return
-        report = as_dict(report)
+        with self._changing:
+            self._show(as_dict(report))
+            if self._waiting is None:
+                self._waiting = threading.Thread(target=self._tell_waits, name="lsm progress", daemon=True)
+                self._waiting.start()
+
+    def _show(self, report: dict) -> None:
         label = report.get("label", "")
         self._reports[label] = report
-        now = time.monotonic()
+        self._last = report if not _has_ended(report) else _running(self._reports)
+        now = self._reported_at = time.monotonic()
         begins = "stage" in report and report["stage"] != self._stage.get(label)
         if not ("state" in report or begins) and now - self._shown_at.get(label, -math.inf) < self._every:
             return
         self._shown_at[label], self._stage[label] = now, report.get("stage")
+        self._printed_at = now
         if not self._terminal:
             print(format_line(report), file=self._console.file, flush=True)
             return
@@ -57,17 +81,43 @@ class ProgressLine:
             self._live.start()
         self._draw()
 
-    def _draw(self) -> None:
+    def _draw(self, *more: str) -> None:
         # Text, so that rich reads no markup in the labels.
         assert self._live is not None
-        self._live.update(Group(*(Text(format_line(r)) for r in self._reports.values())), refresh=True)
+        lines = [*map(format_line, self._reports.values()), *more]
+        self._live.update(Group(*map(Text, lines)), refresh=True)
+
+    def _tell_waits(self) -> None:
+        """Until the end: where no report comes, say what is being done and for how long."""
+        leave_signals_to_the_main_thread()
+        while not self._closed.wait(0.2 * WAIT_S):
+            with self._changing:
+                try:
+                    self._tell_wait()
+                except OSError:  # nobody reads: the next report meets the same error, where it can end the run
+                    return
+
+    def _tell_wait(self) -> None:
+        now = time.monotonic()
+        silent = now - self._reported_at
+        every = WAIT_S if silent < LONG_WAIT_S or self._terminal else LONG_WAIT_S
+        if silent < WAIT_S or self._closed.is_set() or (not self._terminal and now - self._printed_at < every):
+            return
+        self._printed_at = now
+        text = waiting_line(self._last, silent)
+        if self._live is not None:
+            self._draw(text)
+        elif not self._terminal:
+            print(text, file=self._console.file, flush=True)
 
     def close(self) -> None:
         """Draw the last reports and end the live display."""
-        if self._live is not None:
-            self._draw()
-            self._live.stop()
-            self._live = None
+        self._closed.set()
+        with self._changing:
+            if self._live is not None:
+                self._draw()
+                self._live.stop()
+                self._live = None
 
     def __enter__(self):
         return self
@@ -76,11 +126,34 @@ class ProgressLine:
         self.close()
 
 
+def leave_signals_to_the_main_thread() -> None:
+    """Keep the signals that end a run from the calling thread: it must be the main one that they wake."""
+    if hasattr(signal, "pthread_sigmask"):  # Windows has no signal masks
+        signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
+
+
 def as_dict(report: Any) -> dict:
     """A report, a mapping or a dataclass, as a dict."""
     if isinstance(report, Mapping):
         return dict(report)
     return {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
+
+
+def _has_ended(report: dict) -> bool:
+    return bool(report.get("ended")) or report.get("state") in ENDED
+
+
+def _running(reports: Mapping[str, dict]) -> dict | None:
+    """The report of a run that has not ended, of the one that began last; None if all have."""
+    return next((report for report in reversed(list(reports.values())) if not _has_ended(report)), None)
+
+
+def waiting_line(report: dict | None, silent: float) -> str:
+    """What is being done, by the last report of it, and the time [s] without another one: `compiling | for 10 s`."""
+    doing = {} if report is None else {key: report[key] for key in ("label", "stage", "done", "total") if key in report}
+    if report is not None and "stage" not in report and "state" in report:
+        doing["state"] = report["state"]
+    return f"{format_line(doing) or 'still at work'} | for {silent:.0f} s"
 
 
 def format_line(report: dict) -> str:
@@ -102,9 +175,7 @@ def format_line(report: dict) -> str:
     if "energy_residual" in value:
         parts.append(f"energy residual {100 * value['energy_residual']:.1f} %")
     if "steps_per_second_grain" in value:
-        rate = value["steps_per_second_grain"]
-        power = 0 if rate < 1e3 else 1 if rate < 1e6 else 2
-        parts.append(f"{rate / 1000**power:.0f}{('', 'k', 'M')[power]} steps/s-grain")
+        parts.append(f"{value['steps_per_second_grain']:.1e} grain steps/s".replace("e+0", "e").replace("e+", "e"))
     if "eta" in value:
         parts.append(f"ETA {clock(value['eta'])}")
     if "state" in value:

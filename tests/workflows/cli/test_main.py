@@ -341,7 +341,7 @@ def test_progress_line():
         "eta": 130,
     }
     assert format_line(report) == (
-        "strain 1.24/4.00 | mu 0.31 | sigma_n 5.00 MPa | energy residual 0.1 % | 412k steps/s-grain | ETA 02:10"
+        "strain 1.24/4.00 | mu 0.31 | sigma_n 5.00 MPa | energy residual 0.1 % | 4.1e5 grain steps/s | ETA 02:10"
     )
     assert format_line({"strain": 0.0, "friction": math.nan, "eta": 3725}) == "strain 0.00 | ETA 1:02:05"
 

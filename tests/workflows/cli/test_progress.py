@@ -1,6 +1,7 @@
 """Lines of the stages of a run."""
 
 import io
+import time
 
 import pytest
 from rich.console import Console
@@ -28,3 +29,36 @@ def test_every_stage_has_a_line_also_if_it_follows_at_once():
 )
 def test_heights_are_in_the_unit_of_the_goal(height, goal, text):
     assert heights(height, goal) == text
+
+
+def silent_for(line, seconds):
+    """What is printed where the last report came so many seconds ago."""
+    console = line._console
+    begin = len(console.file.getvalue())
+    line._reported_at = line._printed_at = time.monotonic() - seconds
+    line._tell_wait()
+    return console.file.getvalue()[begin:].splitlines()
+
+
+def test_a_line_without_reports_says_what_is_done_and_for_how_long():
+    line = ProgressLine(console=Console(file=io.StringIO(), width=120))
+    line({"stage": "compiling"})
+    assert silent_for(line, 1.0) == [] and silent_for(line, 7.0) == ["compiling | for 7 s"]
+    line({"label": "a", "stage": "shearing", "strain": 0.5})
+    line({"label": "b", "stage": "compiling", "state": "done"})
+    assert silent_for(line, 12.0) == ["a: shearing | for 12 s"]
+    line({"label": "a", "state": "3 runs done", "ended": True})
+    line({"label": "", "state": "failed"})
+    assert silent_for(line, 12.0) == ["still at work | for 12 s"]
+    line.close()
+    assert silent_for(line, 12.0) == []
+
+
+def test_long_waits_are_told_less_often():
+    line = ProgressLine(console=Console(file=io.StringIO(), width=120))
+    line({"stage": "compiling"})
+    silent_for(line, 100.0)
+    line._printed_at -= 10.0
+    line._tell_wait()
+    assert line._console.file.getvalue().count("for ") == 1
+    line.close()

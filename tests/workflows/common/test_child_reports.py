@@ -1,0 +1,52 @@
+"""Reports of child processes reach the progress of their parent, in order and whole."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from workflows.common.child_reports import SILENT, ChildReports, child_reports
+
+
+@pytest.fixture
+def shown():
+    return []
+
+
+def test_reports_of_a_child_come_before_its_end(tmp_path, shown):
+    path = tmp_path / "reports"
+    path.touch()
+    reports = ChildReports(path, shown.append)
+    reports.of("a")({"stage": "shearing", "strain": np.float64(0.5)})
+    with path.open("a") as file:
+        file.write('{"stage": "half a re')
+    reports.show({"label": "a", "state": "done"})
+    with path.open("a") as file:
+        file.write('port"}\n')
+    reports.show_new()
+    first = {"stage": "shearing", "strain": 0.5, "label": "a"}
+    assert shown == [first, {"label": "a", "state": "done"}, {"stage": "half a report"}]
+
+
+def test_many_writers_do_not_mix(tmp_path, shown):
+    path = tmp_path / "reports"
+    path.touch()
+    reports = ChildReports(path, shown.append)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda i: reports.of(str(i))({"stage": "x" * 500}), range(40)))
+    reports.show_new()
+    assert {report["label"] for report in shown} == {str(i) for i in range(40)}
+
+
+def test_reports_arrive_while_the_parent_waits(shown):
+    with child_reports(shown.append) as reports:
+        reports.of("a")({"stage": "compiling"})
+        while not shown:
+            pass
+    assert shown == [{"stage": "compiling", "label": "a"}]
+
+
+def test_without_a_progress_nothing_is_written():
+    with child_reports(None) as reports:
+        assert reports.of("a").path == "" and reports.show({"stage": "compiling"}) is None
+    assert SILENT({"stage": "compiling"}) is None

@@ -1,0 +1,106 @@
+"""Reports from processes of a pool, shown by the process that waits for their results.
+
+A process appends its reports to a file, one JSON object a line, and a thread of the waiting process reads them from
+there: a file needs no connection that could outlive either side.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workflows.cli.progress import as_dict, leave_signals_to_the_main_thread
+from workflows.common.parallel_runs import Progress
+
+READ_EVERY_S = 0.2
+
+
+@dataclass(frozen=True)
+class ReportFile:
+    """Takes the reports of one part of an experiment, in any process.
+
+    Attributes
+    ----------
+    path
+        The file; "" drops the reports.
+    label
+        Of the part, added to each report.
+    """
+
+    path: str
+    label: str = ""
+
+    def __call__(self, report: Any) -> None:
+        """Append a report, a mapping or a dataclass; numbers of NumPy become plain ones."""
+        if self.path:
+            line = json.dumps(as_dict(report) | {"label": self.label}, default=float) + "\n"
+            with open(self.path, "a", encoding="utf-8") as file:  # one write a line: lines of two processes do not mix
+                file.write(line)
+
+
+SILENT = ReportFile("")
+
+
+class ChildReports:
+    """Shows the reports of child processes, and those of this one, in the order in which they are made."""
+
+    def __init__(self, path: Path | None, progress: Progress | None) -> None:
+        self._path, self._progress = path, progress
+        self._read = 0  # bytes
+        self._showing = threading.Lock()
+
+    def of(self, label: str) -> ReportFile:
+        """What a part of this label is given to report to."""
+        return ReportFile("" if self._path is None else str(self._path), label)
+
+    def show(self, report: dict[str, Any]) -> None:
+        """Show a report of this process after all that its children have made."""
+        self.show_new()
+        if self._progress:
+            self._progress(report)
+
+    def show_new(self) -> None:
+        """Show what the children have reported since the last time."""
+        if self._path is None or not self._progress:
+            return
+        with self._showing, open(self._path, "rb") as file:
+            file.seek(self._read)
+            lines = file.read().splitlines(keepends=True)
+            for line in lines:
+                if line.endswith(b"\n"):  # else it is still being written
+                    self._read += len(line)
+                    self._progress(json.loads(line))
+
+
+@contextmanager
+def child_reports(progress: Progress | None) -> Iterator[ChildReports]:
+    """Shows what child processes report while the block waits for them; None as progress is silent."""
+    if progress is None:
+        yield ChildReports(None, None)
+        return
+    with tempfile.TemporaryDirectory(prefix="lsm-") as folder:
+        path = Path(folder) / "reports"
+        path.touch()
+        reports, ended = ChildReports(path, progress), threading.Event()
+        thread = threading.Thread(target=_keep_showing, args=(reports, ended), name="lsm reports", daemon=True)
+        thread.start()
+        try:
+            yield reports
+        finally:
+            ended.set()
+            thread.join()
+
+
+def _keep_showing(reports: ChildReports, ended: threading.Event) -> None:
+    leave_signals_to_the_main_thread()
+    while not ended.wait(READ_EVERY_S):
+        try:
+            reports.show_new()
+        except OSError:  # nobody reads: the next report of this process meets the same error
+            return
