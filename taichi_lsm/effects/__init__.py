@@ -131,8 +131,22 @@ def make_effects(tables: Iterable[Mapping[str, Any]]) -> list[Effect]:
         lacking = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in values]
         if lacking:
             raise InputError(f"{name}: {', '.join(lacking)} must be given")
-        made.append(effects[name](**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}))
+        made.append(_made(effects[name], name, values))
     return made
+
+
+def _made(cls: type[Effect], name: str, values: Mapping[str, Any]) -> Effect:
+    """The effect of the table `name` with these values; what is refused is called as the table calls it."""
+    numbers = {field.name for field in dataclasses.fields(cls) if field.type not in (str, "str")}  # pyright: ignore[reportArgumentType]  effects are dataclasses
+    for key in numbers & values.keys():
+        if isinstance(values[key], str):
+            unit = cls.units.get(key, "1")
+            what = "a number" if unit == "1" else f"a number in {unit}"
+            raise InputError(f"{name}.{key} = {shown(values[key])}: must be {what}, not a text")
+    try:
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    except InputError as error:
+        raise InputError(str(error).replace(f"{cls.__name__}.", f"{name}.")) from error
 
 
 def _plugin(path: Path) -> ModuleType:

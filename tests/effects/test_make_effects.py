@@ -24,12 +24,18 @@ def test_effects_are_made_from_tables():
         ({"law": "hertz"}, "effect {'law': 'hertz'}: name, formerly called law, is missing, must be one of .*hertz"),
         ({"name": ["gravity"]}, r"effect \['gravity'\]: unknown"),
         ("gravity", "effect 'gravity': must be a table"),
-        ({"name": "gravity", "acceleration": "down"}, "Gravity.acceleration = 'down': must be 2 or 3 numbers"),
+        (
+            {"name": "gravity", "acceleration": "down"},
+            r"^gravity.acceleration = 'down': must be a number in m s-2, not",
+        ),
+        ({"name": "gravity", "acceleration": [1.0]}, r"^gravity.acceleration = .*: must be 2 or 3 numbers"),
+        ({"name": "hertz", "youngs_modulus": "70 GPa", "poissons_ratio": 0.2}, "a number in Pa, not a text$"),
+        ({"name": "hertz", "youngs_modulus": 7e10, "poissons_ratio": "1"}, "= '1': must be a number, not a text$"),
         ({"name": "cohesion", "pull_of_force": 1.0}, "cohesion.pull_of_force: unknown.*Did you mean pull_off_force?"),
         ({"name": "cohesion", "distance": 1.0}, "cohesion: pull_off_force must be given"),
         (
             {"name": "cohesion", "pull_off_force": -1.0, "distance": 1.0},
-            "Cohesion.pull_off_force = -1.0: must be > 0 N",
+            "^cohesion.pull_off_force = -1.0: must be > 0 N",
         ),
     ],
 )

@@ -6,13 +6,13 @@ import difflib
 import re
 import reprlib
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_origin
 
 import pydantic
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.former_names import renamed
-from workflows.common.parameter_types import allowed, choices, kind, other_words
+from workflows.common.parameter_types import allowed, choices, kind, members, other_words
 
 if TYPE_CHECKING:
     from workflows.common.parameters import Params
@@ -79,7 +79,7 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
             messages[(name,)] = without_effect(name, as_written(values[name]), idle[name], source)
         elif kind(field.annotation) == "toml":
             place = name + "".join(f"[{p}]" if isinstance(p, int) else f".{as_written(p)}" for p in loc[1:])
-            wrong = _nested(params_class, loc, item, reason)
+            wrong = _no_tables(name, field.annotation, item, loc) or _nested(params_class, loc, item, reason)
             messages[loc] = f"{place} = {as_written(item['input'])}{source}: {wrong}"
         else:
             # Every alternative of a union and every item of a list has its error, for one mistake.
@@ -123,6 +123,14 @@ def _idle(error: pydantic.ValidationError, params_class: type[Params], values: d
         return {}
     options = {option_name(name) for name in wrong}
     return {n: reason for n, reason in idle.items() if n in wrong and not options & set(OPTION.findall(reason))}
+
+
+def _no_tables(name: str, annotation: Any, item: Mapping[str, Any], loc: tuple) -> str:
+    """What a list of tables must be, where something else was given for it or for one of them; "" otherwise."""
+    lists = [member for member in members(annotation) if get_origin(member) is list]
+    if len(loc) > 2 or not lists or item["type"] not in ("list_type", "dict_type"):
+        return ""
+    return f'must be tables, each below a line [[{name}]] of its own, with two brackets, such as name = "NAME".'
 
 
 def _nested(params_class: type[Params], loc: tuple, item: Mapping[str, Any], reason: str) -> str:
