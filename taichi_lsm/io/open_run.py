@@ -1,10 +1,11 @@
 """Opens the files of a run, or those of many runs together."""
 
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError, reason
+from ..core.errors import InputError, reason, shown
 from ..core.netcdf_input import require_readable
 from ..core.record_netcdf import is_record_file, read_layout
 
@@ -63,26 +64,30 @@ def _require_whole(path: Path) -> None:
         raise ValueError(f"it counts {layout.count} snapshots and holds {layout.whole}")
 
 
-def open_runs(folder: str | PathLike[str]) -> "Dataset":
-    """The files run.nc of all runs of an experiment, `folder`/runs/*/run.nc, as one xarray.Dataset in memory.
+def open_runs(folder: str | PathLike[str] | Iterable[str | PathLike[str]]) -> "Dataset":
+    """The files run.nc of all runs of an experiment, or of those that are listed, as one xarray.Dataset in memory.
+
+    Parameters
+    ----------
+    folder
+        Folder of the experiment, whose runs are `folder`/runs/*/run.nc; or a list of folders of runs, or of files.
 
     Returns
     -------
     xarray.Dataset
         Dimensions run, labelled with the names of the runs, and row, counted from 0 in each run, since runs have their
         own times; shorter runs are filled up with nan. Parameters that differ are coordinates along run, and
-        `parameter_value` (run, effect_parameter) holds those of the effects, nan where a run has no such effect.
+        `parameter_value` (run, effect_parameter) holds those of the effects, nan where a run has no such effect. Rows
+        of a stage: `runs.where(runs.stage == "shear")`.
 
     Raises
     ------
     InputError
-        If there is no such run, or a file cannot be read.
+        If there is no such run, a file cannot be read, or a folder of the list holds no run; the message names it.
     """
     import xarray
 
-    paths = sorted(Path(folder).glob("runs/*/run.nc"))
-    if not paths:
-        raise InputError(f"{folder}: holds no runs/*/run.nc, must be the folder of an experiment of many runs")
+    paths = _paths_of(folder)
     runs = [_rows_of(path) for path in paths]
     try:
         return xarray.concat(
@@ -95,7 +100,31 @@ def open_runs(folder: str | PathLike[str]) -> "Dataset":
             combine_attrs="drop_conflicts",
         )
     except Exception as error:  # of whatever differs in runs that do not belong together
-        raise InputError(f"{folder}: runs/*/run.nc cannot be put together ({reason(error)})") from None
+        names = ", ".join(map(str, paths[:3])) + (", ..." if len(paths) > 3 else "")
+        raise InputError(f"{names}: cannot be put together ({reason(error)})") from None
+
+
+def _paths_of(folder: "str | PathLike[str] | Iterable[str | PathLike[str]]") -> list[Path]:
+    """The files of the runs that `open_runs` is asked for; InputError if there are none."""
+    if isinstance(folder, str | PathLike):
+        paths = sorted(Path(folder).glob("runs/*/run.nc"))
+        if not paths:
+            raise InputError(
+                f"{folder}: holds no runs/*/run.nc, must be the folder of an experiment of many runs, or a list of "
+                "folders of runs"
+            )
+        return paths
+    paths = []
+    for given in folder if isinstance(folder, Iterable) else (folder,):
+        if not isinstance(given, str | PathLike):
+            raise InputError(f"open_runs: {shown(given)}, must be a folder of a run or its run.nc")
+        path = Path(given)
+        if path.is_dir() and not (path / "run.nc").is_file():
+            raise InputError(f"{path}: holds no run.nc, must be the folder of a run or its run.nc")
+        paths.append(path)
+    if not paths:
+        raise InputError("open_runs: the list is empty, must name folders of runs")
+    return paths
 
 
 def _rows_of(path: Path) -> "Dataset":

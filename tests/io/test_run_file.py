@@ -137,6 +137,27 @@ def test_many_runs_open_as_one_with_what_tells_them_apart(tmp_path):
     assert gravity.values[0] == -9.81 and np.isnan(gravity.values[1:]).all()
     with pytest.raises(lsm.InputError, match="holds no runs"):
         open_runs(tmp_path / "runs")
+    some = open_runs([tmp_path / "runs" / "c", str(tmp_path / "runs" / "a" / "run.nc")])
+    assert list(some.run.values) == ["c", "a"] and some.seed.values.tolist() == [2, 0]
+    for wrong, words in (
+        ([tmp_path / "runs"], "runs: holds no run.nc"),
+        ([], "is empty"),
+        ([7], "7, must be"),
+        (7, "7,"),
+    ):
+        with pytest.raises(lsm.InputError, match=words):
+            open_runs(wrong)
+
+
+def test_the_recipe_of_a_ratio_in_the_docs_has_no_unit():
+    text = (Path(lsm.__file__).parents[1] / "docs" / "conventions.md").read_text(encoding="utf-8")
+    recipe = [line.strip() for line in text.splitlines() if line.startswith("      ratio")]
+    stress = xr.Dataset({"shear_stress": ("row", [1.0, 3.0]), "normal_stress": ("row", [4.0, 4.0])})
+    for name in stress:
+        stress[name].attrs["units"] = "Pa"
+    names = {"sheared": stress}
+    exec("\n".join(line for line in recipe if "=" in line), names)  # the lines of the docs as they stand
+    assert names["ratio"].item() == 0.5 and names["ratio"].attrs["units"] == "1"
 
 
 def test_the_effects_that_acted_are_a_table(tmp_path):
