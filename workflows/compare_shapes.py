@@ -2,6 +2,10 @@
 
 Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; standard errors and 95 % intervals of the
 two means and of their difference follow from the scatter of the replicas and from the errors within them.
+
+compare.nc, its picture and summary.json are of the runs as this experiment left them. One that is made longer by
+itself (lsm resume DIR/runs/angular-1 --strain 10) leaves them as they were; lsm resume DIR --strain 10 makes all longer
+and the table anew.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
+from workflows.gouge.layer_metrics import worst_claims
 from workflows.plots import run_plots
 
 if TYPE_CHECKING:
@@ -61,13 +66,6 @@ TEXTS = {
     "status": "how the run ended: complete, failed or interrupted",
     "path": "folder of the run, relative to this file",
     "note": "why friction_se is unknown; empty where it is known, and for runs that are not complete",
-}
-# Metrics of the comparison that are the largest value of a column over all runs.
-WORST = {
-    "energy_residual_max": "energy_residual",
-    "platen_bulk_difference_max": "platen_bulk_difference",
-    "normal_stress_error_max": "normal_stress_error",
-    "normal_stress_rms_max": "normal_stress_rms",
 }
 
 
@@ -253,12 +251,9 @@ def analyse(table: xarray.Dataset) -> dict[str, Metric]:
         metrics |= metrics_of_estimate(f"friction_{shape}_mean", f"friction_{shape}_se", found.get(shape))
     apart = lsm.statistics.difference(found["angular"], found["round"]) if len(found) == 2 else None
     metrics |= metrics_of_estimate("friction_difference", "friction_difference_se", apart)
-    for name, column in WORST.items():
-        worst = float(np.abs(table[column]).max())
-        bound, remedy = shear_gouge.BOUNDS[column], shear_gouge.REMEDIES[column]
-        note = None if np.isfinite(worst) else "no complete run"
-        metrics[name] = Metric(worst, "1", bound, worst < bound, note=note, remedy=remedy)
-    return metrics
+    labels = [f"{shape}-{seed}" for shape, seed in zip(table["shape"].values, table.seed.values, strict=True)]
+    columns = {name: table[name].values for name in shear_gouge.BOUNDS}
+    return metrics | worst_claims({run: {n: c[i] for n, c in columns.items()} for i, run in enumerate(labels)})
 
 
 def table_text(table: xarray.Dataset) -> str:

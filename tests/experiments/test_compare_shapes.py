@@ -14,6 +14,7 @@ from tests.helpers.pictures import panels
 from workflows import compare_shapes, shear_gouge
 from workflows.common import signals
 from workflows.common.parameters import ParameterError, merge
+from workflows.gouge.layer_metrics import BOUNDS, worst_claims
 from workflows.plots import run_plots
 
 SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 0.4, "steady_from": 0.2}
@@ -78,7 +79,19 @@ def test_what_is_unknown_is_called_that_in_the_printed_table_with_the_reason():
     assert "unknown" in unknown and unknown[-1] == why.removeprefix("unknown: ")
     assert [cell.strip() for cell in failed if cell][2:] == ["failed", *["-"] * 6]
     metrics = compare_shapes.analyse(table_of(("round", "failed", np.nan, "")))
-    assert all(metrics[name].note == "no complete run" for name in compare_shapes.WORST)
+    claims = [name for name in metrics if name.endswith("_max")]
+    assert len(claims) == 4 and all(metrics[name].note == "no complete run" for name in claims)
+
+
+def test_a_claim_that_a_run_does_not_meet_is_told_with_the_run():
+    good = dict.fromkeys(BOUNDS, 1e-4)
+    claims = worst_claims({"round-1": good, "angular-2": good | {"energy_residual": -0.02}})
+    assert claims["energy_residual_max"].value == 0.02 and not claims["energy_residual_max"].holds
+    assert "angular-2" in claims["energy_residual_max"].note
+    assert claims["energy_residual_max"].remedy.startswith("run angular-2: ")
+    assert claims["normal_stress_rms_max"].holds
+    two = worst_claims({"a": good | {"normal_stress_rms": 0.2}, "b": good | {"normal_stress_rms": 0.1}})
+    assert two["normal_stress_rms_max"].note == "largest of all runs; above in a, b"
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,8 @@ REMEDIES = {  # what it means if such a claim does not hold, and what to change
     ),
     "normal_stress_rms": "the normal stress fluctuates: lower --inertial-number, or raise --length",
 }
+NOTES = {"energy_residual": "greatest energy residual over the throughput of work"}
+PLAIN = str.maketrans("", "", "[]'")  # a list of labels as text
 NO_STIFFNESS = "unknown: none of the effects has a stiffness"
 
 
@@ -71,8 +74,33 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     metrics |= _breakage(sheared) | _spring(params)
     for name, bound in BOUNDS.items():
         value = float(metrics[name].value or 0.0)
-        metrics[name] = Metric(value, "1", bound, abs(value) < bound, remedy=REMEDIES[name])
+        metrics[name] = Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
     return metrics
+
+
+def worst_claims(runs: Mapping[str, Mapping[str, float]]) -> dict[str, Metric]:
+    """What single runs claim, as metrics of their experiment: the values farthest from 0, and which runs have them.
+
+    Parameters
+    ----------
+    runs
+        Label of a run -> its values of the metrics in BOUNDS; nan if it has none.
+    """
+    found = {}
+    for name, bound in BOUNDS.items():
+        sizes = {label: abs(float(values[name])) for label, values in runs.items() if np.isfinite(values[name])}
+        worst = max(sizes, key=lambda label: sizes[label], default=None)
+        if worst is None:
+            found[f"{name}_max"] = Metric(
+                float("nan"), "1", bound, False, note="no complete run", remedy=REMEDIES[name]
+            )
+            continue
+        above = [label for label, size in sizes.items() if not size < bound]
+        note = f"largest of all runs, of {worst}" if len(above) < 2 else f"largest of all runs; above in {above}"
+        size = sizes[worst]
+        remedy = f"run {', '.join(above)}: {REMEDIES[name]}"
+        found[f"{name}_max"] = Metric(size, "1", bound, size < bound, note=note.translate(PLAIN), remedy=remedy)
+    return found
 
 
 def _breakage(sheared: xarray.Dataset) -> dict[str, Metric]:

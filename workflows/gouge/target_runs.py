@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.metrics import Metric, number, write_summary
+from workflows.common.metrics import Metric, number, read_summary, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.refusals import derived
@@ -18,6 +18,7 @@ from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import target_error
+from workflows.gouge.layer_metrics import BOUNDS, worst_claims
 from workflows.gouge.parameters import Params
 from workflows.gouge.target_error import Plan
 
@@ -95,10 +96,18 @@ def _run_to_target(
         "strain": Metric(plan.strain, "1"),
         "step_safety": Metric(plan.step_safety, "1"),
         "expected_seconds": Metric(plan.expected_seconds, "s", note="wall-clock time on idle cores"),
+        **worst_claims({label: _claimed(out / "runs" / label) for label in runs}),
         **watch.metrics(),
     }
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return table
+
+
+def _claimed(folder: Path) -> dict[str, float]:
+    """Values of what the run in a folder claims, from its summary; nan if they are not there."""
+    entries = (read_summary(folder) or {"metrics": {}})["metrics"]
+    values = {name: entries.get(name, {}).get("value") for name in BOUNDS}
+    return {name: np.nan if value is None else float(value) for name, value in values.items()}
 
 
 def collect(
