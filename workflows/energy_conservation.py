@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -20,7 +19,7 @@ from pydantic import Field, model_validator
 import taichi_lsm as lsm
 from workflows.common import signals
 from workflows.common.child_reports import SILENT, child_reports
-from workflows.common.metrics import Metric, write_summary
+from workflows.common.metrics import write_summary
 from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle, in_terms_of
@@ -28,28 +27,15 @@ from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.common.stopwatch import Stopwatch
-from workflows.energy.gas_runs import CONES, LEVELS, SCHEMES, gas_cost, runs_of, schemes_of
+from workflows.energy.gas_metrics import PUBLISHED_DRIFT, analyse
+from workflows.energy.gas_runs import CONES, SCHEMES, gas_cost, runs_of, schemes_of
 from workflows.plots.energy_figure import plot_energy
 from workflows.protocol.finished_parts import FinishedParts
 
 if TYPE_CHECKING:
     import xarray
 
-PUBLISHED_DRIFT = 0.025  # Abe & Mora (2003), Figure 4
-BOUNDS = {  # of the drift at 50 and at 100 steps per contact, by dimension
-    2: {"drift": (1.2e-4, 3e-5), "shadow_drift": (2e-5, 4e-6)},
-    3: {"drift": (2e-4, None), "shadow_drift": (2e-5, None)},
-}
-DRIFTS = (  # what to change where a claim about the energy does not hold
-    "the energy is not conserved as in the experiment of 900 grains in f64 for which this is claimed; small or dense "
-    "gases scatter: use --preset standard, --precision f64"
-)
-NO_ORDER = "too few collisions to show the order of the errors: raise --grains or --steps"
 TERMS = ("translational_energy", "rotational_energy", "elastic_energy")
-ORDERS = {  # name of the metric of each scheme; orders are measured in 2D
-    2: {"velocity_verlet": "order", "onset_verlet": "order_onset", "symplectic_euler": "order_euler"},
-    3: {},
-}
 MEASURED = {  # by the purpose of a run
     "drift": "the drift",
     "long": "the drift of a long run",
@@ -255,11 +241,6 @@ def drift(series: Series, shadow: bool = False) -> float:
     return float(np.abs(total / total[0] - 1.0).max())
 
 
-def root_mean_square(values: Sequence[float]) -> float:
-    """Root mean square of the drifts of several seeds [1]."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
 def measure_scheme(params: Params, scheme: str, report: Progress = SILENT) -> tuple[Rows, Series]:
     """All runs of one scheme: (rows, series), see `measure`; `report` takes a report at the beginning of each."""
     gas, rows, series = Gas(params, scheme), [], []
@@ -295,44 +276,6 @@ def measure(
     except signals.Interrupted as stop:
         return rows, series, stop
     return rows, series, None
-
-
-def analyse(rows: Rows, dim: int = 2) -> dict[str, Metric]:
-    """Metrics from the rows of `measure`; drifts are root mean squares over seeds."""
-
-    def values(scheme, purpose, per_contact, name="drift"):
-        wanted = (scheme, purpose, per_contact)
-        return [r[name] for r in rows if (r["scheme"], r["purpose"], r["steps_per_contact"]) == wanted]
-
-    metrics = {}
-    for name, bounds in BOUNDS[dim].items():
-        for per_contact, bound in zip((50, 100), bounds, strict=True):
-            of_seeds = values("onset_verlet", "drift", per_contact, name)
-            value = root_mean_square(of_seeds)
-            holds = None if bound is None else value <= bound and max(of_seeds) <= 2 * bound
-            metrics[f"{name}_{per_contact}"] = Metric(value, "1", bound, holds, remedy=DRIFTS)
-    long = values("onset_verlet", "long", 50, "shadow_drift")[0]
-    metrics["shadow_drift_long"] = Metric(long, "1", 1e-4, long <= 1e-4, remedy=DRIFTS)
-    for scheme, name in ORDERS[dim].items():
-        level = [root_mean_square(values(scheme, "order", n)) for n in LEVELS]
-        fell = all(x > 0.0 for x in level)  # without a collision the energy is kept to the last bit
-        slope = -np.polyfit(np.log(LEVELS), np.log(level), 1)[0] if fell else np.nan
-        claimed = (2.0, abs(slope - 2.0) <= 0.25) if scheme == "velocity_verlet" else (None, None)
-        note = None if fell else "unknown: a gas had no collision"
-        metrics[name] = Metric(float(slope), "1", *claimed, note=note, remedy=NO_ORDER)
-    verlet = root_mean_square(values("velocity_verlet", "drift", 50))
-    euler = root_mean_square(values("symplectic_euler", "drift", 50))
-    printed = values("explicit_euler", "drift", 50)[0]
-    metrics["verlet_drift_50"] = Metric(verlet, "1")
-    metrics["symplectic_euler_drift_50"] = Metric(euler, "1")
-    onset = root_mean_square(values("onset_verlet", "drift", 50))
-    metrics["paper_scheme_drift"] = Metric(printed, "1")
-    metrics["gain_over_paper_scheme"] = Metric(printed / onset if onset else np.inf, "1")
-    metrics["gain_over_paper"] = Metric(PUBLISHED_DRIFT / onset if onset else np.inf, "1")
-    for scheme in CONES if dim == 2 else ():
-        for per_contact in (50, 200):
-            metrics[f"{scheme}_drift_{per_contact}"] = Metric(values(scheme, "plateau", per_contact)[0], "1")
-    return metrics
 
 
 def run(

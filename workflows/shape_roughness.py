@@ -301,7 +301,24 @@ def analyse(rows: Rows) -> dict[str, Metric]:
         name = f"friction_{kind}_{elements[last]}"
         one_run = (column(kind, of_friction)[[last]] for of_friction in FRICTION)
         metrics |= metrics_of_estimate(name, f"{name}_se", lsm.statistics.combine_replicas(*one_run))
-    return metrics
+    return {name: replace(metric, note=metric.note or note_of(name, elements)) for name, metric in metrics.items()}
+
+
+def note_of(name: str, elements: NDArray) -> str | None:
+    """What a metric of `analyse` is; elements: numbers of patches or discs whose outlines are fitted [1]."""
+    grain, _, number = name.removesuffix("_se").partition("_")[2].rpartition("_")
+    of_grain = f"of grains of {number} {'discs' if grain.endswith('clump') else 'patches'}"
+    if name.startswith("friction"):
+        return f"{'standard error of the' if name.endswith('_se') else 'steady'} friction of a layer {of_grain}"
+    if name.startswith("shape_error"):
+        return f"greatest distance from the outline, in diameters, {of_grain}"
+    if name.startswith("roughness"):
+        return f"root mean square distance from the outline, in diameters, {of_grain}"
+    beyond = f"; extrapolated from {elements.min()} to {elements.max()} discs"
+    return {
+        "discs_at_equal_error": f"discs of a clump with the shape error of 30 patches{beyond}",
+        "cost_ratio_equal_error": f"time per grain and step of such a clump over that of 30 patches{beyond}",
+    }.get(name)
 
 
 def run(

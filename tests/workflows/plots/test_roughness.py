@@ -81,3 +81,15 @@ def test_intervals_below_zero_are_inside_the_panel(tmp_path, pictures):
     rows = rows_of(friction_mean=0.1, friction_se=0.1)
     friction = drawn_axes(rows, tmp_path / "roughness.png", pictures)[2]
     assert friction.get_ylim()[0] < 0.1 - 10 * HALF_WIDTH and friction.get_ylim()[1] > 0.1 + 10 * HALF_WIDTH
+
+
+def test_every_metric_of_the_roughness_says_what_it_is():
+    names = ("shape_error_clump_30", "roughness_patches_30", "discs_at_equal_error", "cost_ratio_equal_error")
+    notes = [shape_roughness.note_of(name, np.array([12, 30])) for name in (*names, "friction_clump_12_se")]
+    assert notes == [
+        "greatest distance from the outline, in diameters, of grains of 30 discs",
+        "root mean square distance from the outline, in diameters, of grains of 30 patches",
+        "discs of a clump with the shape error of 30 patches; extrapolated from 12 to 30 discs",
+        "time per grain and step of such a clump over that of 30 patches; extrapolated from 12 to 30 discs",
+        "standard error of the friction of a layer of grains of 12 discs",
+    ]
