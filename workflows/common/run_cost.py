@@ -30,7 +30,8 @@ class RunCost:
     memory: float
 
     def __str__(self) -> str:
-        return f"about {self.steps:.2g} steps, {duration(self.seconds)}, {self.memory / 1e9:.1f} GB of memory"
+        time, memory = f"{duration(self.seconds)} on idle cores", f"{self.memory / 1e9:.1f} GB of memory"
+        return f"about {self.steps:.2g} steps, {time}, {memory}"
 
 
 def of_replicas(costs: Sequence[RunCost], at_a_time: int) -> RunCost:

@@ -15,10 +15,13 @@ def test_what_a_run_takes_is_said_before_it_starts(toy, monkeypatch, capsys):
     assert main(["toy-run", "--preset", "demo"]) == 0
     first, second, *rest = capsys.readouterr().out.splitlines()
     assert first == "toy-run, preset demo: checking, then writing to out/toy-run"
-    assert second == "toy-run: about 2.5e+06 steps, 20 min, 1.5 GB of memory"
+    assert second == "toy-run: about 2.5e+06 steps, 20 min on idle cores, 1.5 GB of memory"
     assert rest[0] == "noise from a library"
     assert main(["list", "--presets"]) == 0
-    assert "  reference about 2.5e+06 steps, 20 min, 1.5 GB of memory" in capsys.readouterr().out.splitlines()
+    assert (
+        "  reference about 2.5e+06 steps, 20 min on idle cores, 1.5 GB of memory"
+        in capsys.readouterr().out.splitlines()
+    )
 
 
 @pytest.mark.parametrize(
