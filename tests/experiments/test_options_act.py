@@ -29,7 +29,7 @@ from workflows.protocol.run_loop import RunLoop
 pytestmark = pytest.mark.usefixtures("few_shapes")
 
 WORKFLOWS = find_workflows()
-LAYER = {"layer_thickness": 8.0, "length": 6.0, "grains": 20, "strain": 1.6, "inertial_number": 0.02}
+LAYER = {"length": 6.0, "grains": 20, "strain": 1.6, "inertial_number": 0.02}
 LAYER |= {"start": "loose"}  # a dense start takes longer to make
 RATE_AND_STATE = dict.fromkeys(("reference_coefficient", "direct_effect", "evolution_effect"), 0.1) | {
     "name": "rate_and_state_friction",
@@ -49,7 +49,11 @@ BASES = {
         LAYER | {"effects": [DASHPOT], "load_stiffness": 1e3},
         {"layer_thickness": 8.0, "length": 20.0, "target_error": 0.05},
     ],
-    "compare-shapes": [LAYER | {"replicas": 1}, LAYER | {"replicas": 1, "dim": 3, "width": 5.0}],
+    "compare-shapes": [
+        LAYER | {"replicas": 1},
+        LAYER | {"replicas": 1, "dim": 3, "width": 5.0},
+        {name: value for name, value in LAYER.items() if name != "grains"} | {"layer_thickness": 8.0, "replicas": 1},
+    ],
 }
 TABLES = ([DASHPOT | {"restitution": 0.7}], [{"name": "gravity", "acceleration": [0.0, -9.81, 0.0]}])
 

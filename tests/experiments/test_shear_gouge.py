@@ -10,7 +10,7 @@ from pydantic import ValidationError
 import taichi_lsm as lsm
 from tests.helpers.output_files import check_described
 from workflows import shear_gouge
-from workflows.common.parameters import ParameterError, merge
+from workflows.common.parameters import ParameterError, merge, to_toml
 from workflows.common.refusals import in_terms_of
 from workflows.gouge import initial_grains, layer_scene
 
@@ -91,9 +91,36 @@ def test_effects_that_do_not_suit_the_grains_are_refused_as_effects(values, effe
         shear_gouge.check(params)
 
 
+def test_the_number_of_grains_sets_the_thickness_and_both_are_refused():
+    for dim in (2, 3):
+        by_thickness = shear_gouge.Params(dim=dim, layer_thickness=18.0)
+        by_count = shear_gouge.Params(dim=dim, grains=shear_gouge.layer_scene.mobile_count(by_thickness))
+        assert by_count.layer[0] == pytest.approx(by_thickness.layer[0], rel=1e-3)
+        assert by_count.layer[1] == by_thickness.layer[1]
+    both = shear_gouge.Params(grains=100, layer_thickness=8)
+    with pytest.raises(lsm.InputError, match=r"^--layer-thickness 8.*: has no effect beside --grains 100, from which"):
+        shear_gouge.check(both)
+    assert "layer_thickness" not in merge(shear_gouge.Params, "smoke", options={"grains": "100"}).given
+    assert "# layer_thickness = 10.0  # no effect beside --grains" in to_toml(
+        merge(shear_gouge.Params, "smoke", options={"grains": "100"})
+    )
+
+
+def test_a_layer_on_a_spring_is_told_why_it_needs_more_strain():
+    with pytest.raises(ValueError, match=r"12 rows, which lie up to 4 times as far apart where a layer on a spring"):
+        shear_gouge.Params(strain=1.2, load_stiffness=1e3)
+
+
+def test_effects_that_are_no_tables_are_told_how_a_table_begins(tmp_path):
+    for text in ('effects = ["gravity"]', '[effects]\nname = "gravity"\nacceleration = [0.0, -9.81]'):
+        (tmp_path / "wrong.toml").write_text(text)
+        with pytest.raises(lsm.InputError, match=r"must be tables, each below a line \[\[effects\]\].*name = "):
+            merge(shear_gouge.Params, None, tmp_path / "wrong.toml")
+
+
 def test_a_range_of_the_effects_beyond_half_of_the_cell_is_refused_with_the_length():
     wide = {"name": "cohesion", "pull_off_force": 1.0, "distance": 1e-3}
-    params = shear_gouge.Params(grains=20, length=10, layer_thickness=8, effects=[wide])
+    params = shear_gouge.Params(grains=20, length=10, effects=[wide])
     shear_gouge.check(params)
     with pytest.raises(lsm.InputError, match=r"^--length 10: refused, as .*must be >= .*make the layer larger"):
         shear_gouge.build(params)
@@ -242,7 +269,7 @@ def test_the_summary_of_a_spring_and_of_broken_bonds(sheared):
 
 
 def test_breakable_grains_are_bonded_pieces_of_their_area():
-    params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, layer_thickness=8, length=10)
+    params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, length=10)
     scene = shear_gouge.build(params)
     mobile = scene.platen_index < 0
     assert mobile.sum() == 8 * 30 and scene.bonds.max() < 8 * 30
@@ -260,7 +287,6 @@ def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path):
         shape="angular",
         breakable=True,
         grains=40,
-        layer_thickness=8,
         length=6,
         inertial_number=2e-2,
         strain=0.3,

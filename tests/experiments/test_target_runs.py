@@ -34,7 +34,7 @@ def test_the_parameters_of_the_runs_are_coordinates(target):
     one = runs["seed-5"]
     assert table.sizes["run"] == len(runs) > 1 and list(table.seed.values) == [r.seed for r in runs.values()]
     expected = {"particle_friction": 0.4, "target_normal_stress": 5e6, "stiffness_number": 1000.0, "length": 20.0}
-    expected |= {"target_layer_thickness": 8.0, "strain": one.strain, "step_safety": one.step_safety}
+    expected |= {"target_thickness_in_diameters": 8.0, "strain": one.strain, "step_safety": one.step_safety}
     expected |= {"shape": "round", "target_error": 0.02}  # of the experiment: its runs have none
     for name, value in expected.items():
         assert name in table.coords and set(table[name].values) == {value}, name

@@ -14,7 +14,7 @@ UNITS = ("Pa", "N m-1", "kg m-3", "m", "m s-1", "s", "rad")  # of descriptions t
 RENAMED = {  # parameters whose names are those of measured variables
     "friction": "particle_friction",
     "inertial_number": "target_inertial_number",
-    "layer_thickness": "target_layer_thickness",
+    "layer_thickness": "target_thickness_in_diameters",
     "normal_stress": "target_normal_stress",
 }
 

@@ -13,7 +13,7 @@ from workflows.common.parameters import option_name
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
-from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, SPRINGS, Params
+from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, SPRINGS, Params
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
     from taichi_lsm.shapes import GrainShape
 
-PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, from which the number of grains follows
 BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
@@ -94,8 +93,9 @@ def _check_count(p: Params) -> None:
     mobile = mobile_count(p) * (p.pieces if p.breakable else 1)
     if mobile + glued > MOST_GRAINS:
         thickness, lengths = p.layer
+        many = f"--grains {p.grains}" if p.grains else f"--layer-thickness {thickness / p.diameter:g}"
         raise lsm.InputError(
-            f"--layer-thickness {thickness / p.diameter:g}, --length {lengths[0] / p.diameter:g}: the layer has "
+            f"{many}, --length {lengths[0] / p.diameter:g}: the layer has "
             f"{mobile + glued:.3g} grains, {glued:.3g} of them in the platens, must be <= {MOST_GRAINS:g}; make it "
             f"smaller, or its sizes from --smallest-diameter {p.smallest_diameter:g} m to --largest-diameter "
             f"{p.largest_diameter:g} m more equal"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 LEAST_ROWS = 12  # of the steady state: the correlation of fewer cannot be estimated
 STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
+PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, which ties its thickness to its grains
 SPRINGS = ("load_stiffness", "load_stiffness_area", "load_stiffness_ratio")  # ways to give the spring of the load point
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
 EFFECTS_HELP = "lsm list --effects shows what there is"
@@ -52,7 +53,10 @@ class Params(BaseParams):
     density: float = Field(default=2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
     normal_stress: float = Field(default=5e6, ge=1e-3, le=1e12, description="normal stress on the layer [Pa]")
     layer_thickness: float | None = Field(
-        default=None, ge=8, le=1e4, description="thickness of the layer; none: 24 in 2D, 15 in 3D [mean diameters]"
+        default=None,
+        ge=8,
+        le=1e4,
+        description="thickness of the layer; none: 24 in 2D, 15 in 3D, or that of the grains [mean diameters]",
     )
     length: float | None = Field(
         default=None,
@@ -113,7 +117,11 @@ class Params(BaseParams):
     )
     strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
     steady_from: float = Field(
-        default=1.0, ge=0, le=1e4, description="strain from which the steady state is averaged [1]"
+        default=1.0,
+        ge=0,
+        le=1e4,
+        description="strain from which the steady state is averaged: 12 rows at least, on a spring the strain of 48, "
+        "as a layer that slips lays up to 4 times as much strain between two rows [1]",
     )
     rows_per_strain: int = Field(
         default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
@@ -182,9 +190,10 @@ class Params(BaseParams):
     def _problems_of_shear(self) -> Iterator[str]:
         """Contradictions among the strain to reach, the steady state and the target error."""
         if self.target_error is None and self.strain < self.steady_from + self.least_steady:
+            slips = f", which lie up to {STICK_SLIP} times as far apart where a layer on a spring slips"
             yield (
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
-                f"the steady state needs {LEAST_ROWS} rows"
+                f"the steady state needs {LEAST_ROWS} rows{slips if self.spring else ''}"
             )
         springs = [name for name in SPRINGS if getattr(self, name)]
         if len(springs) > 1:
@@ -196,6 +205,8 @@ class Params(BaseParams):
     def idle(self) -> dict[str, str]:
         """Fields that have no effect: of the other dimension or shape, or of an effect that another one replaces."""
         found = {}
+        if self.grains is not None:
+            found["layer_thickness"] = f"beside --grains {self.grains}, from which the thickness follows"
         if self.dim == 2:
             found["width"] = "with --dim 2"
         if self.shape != "angular":
@@ -241,11 +252,14 @@ class Params(BaseParams):
 
     @property
     def layer(self) -> tuple[float, tuple[float, ...]]:
-        """(thickness, periodic lengths) of the layer [m]; as given or by dimension."""
+        """(thickness, periodic lengths) of the layer [m]; as given, by dimension, or the thickness of the grains."""
         thickness = self.layer_thickness or (24.0 if self.dim == 2 else 15.0)
         length = self.length or (30.0 if self.dim == 2 else 20.0)
-        across = () if self.dim == 2 else (self.width * self.diameter,)
-        return thickness * self.diameter, (length * self.diameter, *across)
+        across = () if self.dim == 2 else (self.width,)
+        if self.grains is not None:
+            one = np.pi / 4.0 if self.dim == 2 else np.pi / 6.0  # of a grain of the mean diameter
+            thickness = self.grains * one / (PACKED[self.dim] * float(np.prod((length, *across))))
+        return thickness * self.diameter, tuple(size * self.diameter for size in (length, *across))
 
     @property
     def area(self) -> float:

@@ -1,5 +1,6 @@
 """Reports of child processes reach the progress of their parent, in order and whole."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -41,8 +42,10 @@ def test_many_writers_do_not_mix(tmp_path, shown):
 def test_reports_arrive_while_the_parent_waits(shown):
     with child_reports(shown.append) as reports:
         reports.of("a")({"stage": "compiling"})
-        while not shown:
-            pass
+        for _ in range(200):  # a thread reads them five times a second
+            if shown:
+                break
+            time.sleep(0.05)
     assert shown == [{"stage": "compiling", "label": "a"}]
 
 
