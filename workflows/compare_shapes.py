@@ -4,8 +4,8 @@ Every shape is sheared `replicas` times, with the seeds seed, seed + 1, ...; sta
 two means and of their difference follow from the scatter of the replicas and from the errors within them.
 
 compare.nc, its picture and summary.json are of the runs as this experiment left them. One that is made longer by
-itself (lsm resume DIR/runs/angular-1 --strain 10) leaves them as they were; lsm resume DIR --strain 10 makes all longer
-and the table anew.
+itself (lsm resume DIR/runs/angular-1 --strain 10) leaves them as they were; lsm resume DIR --strain 10, of runs
+begun with --keep-checkpoint, makes all longer and the table anew.
 """
 
 from __future__ import annotations

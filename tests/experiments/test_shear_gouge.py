@@ -106,6 +106,13 @@ def test_the_number_of_grains_sets_the_thickness_and_both_are_refused():
     )
 
 
+def test_a_word_for_round_grains_has_the_same_note_in_python_as_on_the_command_line():
+    told = merge(shear_gouge.Params, options={"shape": "sphere"}).notes
+    assert shear_gouge.Params(shape="sphere").notes == told == ("--shape sphere in 2D means discs",)
+    assert shear_gouge.Params(shape="disc").notes == shear_gouge.Params(shape="sphere", dim=3).notes == ()
+    assert shear_gouge.Params(shape="sphere") == shear_gouge.Params(shape="round")
+
+
 def test_a_layer_on_a_spring_is_told_why_it_needs_more_strain():
     with pytest.raises(ValueError, match=r"12 rows, which lie up to 4 times as far apart where a layer on a spring"):
         shear_gouge.Params(strain=1.2, load_stiffness=1e3)

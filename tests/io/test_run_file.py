@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import runpy
 import signal
 import socket
 import subprocess
@@ -149,15 +150,16 @@ def test_many_runs_open_as_one_with_what_tells_them_apart(tmp_path):
             open_runs(wrong)
 
 
-def test_the_recipe_of_a_ratio_in_the_docs_has_no_unit():
+def test_the_recipe_of_a_ratio_in_the_docs_has_no_unit(tmp_path):
     text = (Path(lsm.__file__).parents[1] / "docs" / "conventions.md").read_text(encoding="utf-8")
     recipe = [line.strip() for line in text.splitlines() if line.startswith("      ratio")]
     stress = xr.Dataset({"shear_stress": ("row", [1.0, 3.0]), "normal_stress": ("row", [4.0, 4.0])})
     for name in stress:
         stress[name].attrs["units"] = "Pa"
-    names = {"sheared": stress}
-    exec("\n".join(line for line in recipe if "=" in line), names)  # the lines of the docs as they stand
-    assert names["ratio"].item() == 0.5 and names["ratio"].attrs["units"] == "1"
+    lines = "\n".join(line for line in recipe if "=" in line)  # of the docs as they stand
+    (tmp_path / "recipe.py").write_text(lines, encoding="utf-8")
+    ratio = runpy.run_path(str(tmp_path / "recipe.py"), {"sheared": stress})["ratio"]
+    assert ratio.item() == 0.5 and ratio.attrs["units"] == "1"
 
 
 def test_the_effects_that_acted_are_a_table(tmp_path):

@@ -10,10 +10,10 @@ import types
 from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, Self, TypeVar
 
 import pydantic
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationInfo, field_validator, model_validator
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.parameter_files import OfFile, not_taken, read_for
@@ -88,6 +88,15 @@ class Params(pydantic.BaseModel):
     def resolved(self) -> dict[str, Any]:
         """Values by field, with what stands for those that are none, as far as it is known before a run."""
         return {name: getattr(self, name) for name in type(self).model_fields}
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _note_other_words(cls, values: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Keep in `notes` what another word for a choice means, as for parameters that `merge` makes."""
+        params = handler(values)
+        if isinstance(values, Mapping):
+            vars(params)["notes"] = tuple(_other_words(params, values, dict.fromkeys(values, "option")))
+        return params
 
     @field_validator("*", mode="before")
     @classmethod
