@@ -105,7 +105,8 @@ def rolling(dim):
     )
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validate)])  # compiles for long in 3D
+@pytest.mark.validate  # compiles for long
+@pytest.mark.parametrize("dim", [2, 3])
 def test_friction_crosses_seams_without_a_jump_and_its_work_is_accounted_for(runtime, dim):
     sim = scenes.simulate(rolling(dim))
     sim.run(6000)  # settled

@@ -20,7 +20,7 @@ def test_whole_numbers_of_every_type_are_steps(steps):
 
 def test_an_integer_beyond_all_floats_is_not_finite():
     assert not finite(10**400)
-    with pytest.raises(lsm.InputError, match=r"^Gravity.acceleration = .*: must be"):
+    with pytest.raises(lsm.InputError, match=r"^gravity.acceleration = .*: must be"):
         lsm.effects.make_effects([{"name": "gravity", "acceleration": [0, 10**5000]}])
 
 

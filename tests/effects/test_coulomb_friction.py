@@ -15,7 +15,9 @@ K, MU, G = 1.0e8, 0.3, 10.0
 HARD = 1.0e12  # [N/m]: an impact is over before the discs have turned round each other
 
 
-@pytest.mark.parametrize(("dim", "rolling", "when"), [(2, 2 / 3, 1 / 3), (3, 5 / 7, 2 / 7)])
+@pytest.mark.parametrize(
+    ("dim", "rolling", "when"), [pytest.param(2, 2 / 3, 1 / 3, marks=pytest.mark.validate), (3, 5 / 7, 2 / 7)]
+)
 def test_sliding_turns_into_rolling(runtime, dim, rolling, when):
     """A grain thrown along a floor, with the flat top of one glued giant: v ends at 2/3 v0 (disc), 5/7 v0 (sphere)."""
     giant, v0 = 2.0e6, 1.0

@@ -144,6 +144,7 @@ def test_the_table_leaves_the_run_as_it_is(reference_packing):
     assert all(np.array_equal(a, b) for a, b in zip(*ends))
 
 
+@pytest.mark.validate  # compiles for long
 def test_bonds_are_rows_of_their_own(runtime):
     sim = scenes.simulate(bonds_run.rubble(columns=2, rows=2))
     sim.run(300)

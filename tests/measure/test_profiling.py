@@ -9,6 +9,7 @@ import taichi_lsm as lsm
 from taichi_lsm.stepping.step_loop_gpu import StepLoopGPU
 
 
+@pytest.mark.validate  # compiles for long
 def test_profile_divides_the_time_of_a_run(reference_packing):
     sim = reference_packing("frictional_discs")
     sim.reset(sim.scene)
