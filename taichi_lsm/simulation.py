@@ -156,10 +156,10 @@ class Simulation:
 
     def _start(self):
         """First evaluation of the contacts, then velocities half a step back."""
-        self.step_loop.start()
+        begun = self.step_loop.start()
         self.integrator.shift_velocities()
         self.monitor.begin()
-        self.monitor.check_error_flags()
+        self.monitor.check_error_flags(begun.error)
 
     def reset(self, scene: Scene) -> None:
         """Start again from another scene of equal KernelSpec, without compiling anything.
@@ -340,18 +340,17 @@ class Simulation:
 
     def _launch(self, steps):
         with self.clock("steps"):
-            self.step_loop.launch(steps)
+            launched = self.step_loop.launch(steps)
         self.launches += 1
-        self.step += self.stages.steps_done[None]
-        self.stages.steps_done[None] = 0
-        self.monitor.check_error_flags()
-        if self.stages.halted[None]:
+        self.step += launched.steps
+        self.monitor.check_error_flags(launched.error)
+        if launched.halted:
             with self.clock("neighbour list"):
                 self.rebuild_neighbours()
             with self.clock("steps"):
-                self.step_loop.finish_step()
+                finished = self.step_loop.finish_step()
             self.step += 1
-            self.monitor.check_error_flags()
+            self.monitor.check_error_flags(finished.error)
         with self.clock("guards"):
             self.monitor.check()
 

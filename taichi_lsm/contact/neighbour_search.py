@@ -15,8 +15,7 @@ FAR = 1e300  # [m]: a coordinate beyond it counts as not a number
 SORT_INTERVAL = 20  # rebuilds between two sorts of the grains along the cells
 SORT_LEAST = 4000  # grains; fewer fit into the cache in any order
 BUFFER = 12  # partners of a grain that are stored while they are counted; longer rows are searched twice
-# Reports of a search, rows of `error_id`.
-LOST, CRUSHED, JUMPING = 0, 1, 2
+LOST, CRUSHED, JUMPING = 0, 1, 2  # reports of a search, rows of `error_id`
 
 
 @ti.data_oriented
@@ -47,6 +46,7 @@ class NeighbourSearch:
         self.real, self.serial = current().real, current().serial
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
+        self.width = 0.0  # the same on the host [m]
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * BUFFER)  # partners of each grain, not sorted
@@ -74,6 +74,7 @@ class NeighbourSearch:
 
     def set_skin(self, skin: float) -> None:
         """Set the skin [m], and cells as wide as it and the largest grain need; the radii must be known."""
+        self.width = float(skin)
         write(self.skin, skin)
         self.grid.set_width(2.0 * float(self.grains.column("radius").max()) + skin)
 
@@ -177,8 +178,12 @@ class NeighbourSearch:
             p.part_code[at] = code
 
     @ti.kernel
-    def count_partners(self, jump: ti.f64) -> ti.i32:
-        """Number of pairs to be listed; jump [s]: a grain that moves by more than half its width in it is reported."""
+    def count_partners(self, jump: ti.f64) -> ti.types.vector(5, ti.f64):
+        """Count the pairs to be listed, and watch the grains.
+
+        jump [s]: a grain that moves by more than half its width in it is reported. Returns the number of pairs, the ids
+        of a lost, a crushed and a jumping grain, -1 if there is none, and the greatest speed [m s-1].
+        """
         for i in ti.static(range(3)):
             self.error_id[i] = 0
         self.fastest[None] = 0.0
@@ -197,7 +202,8 @@ class NeighbourSearch:
         ti.loop_config(serialize=True)
         for k in range(self.grains.count[None]):
             total += self.row_count[k]
-        return total
+        lost, crushed, jumping = self.error_id[LOST] - 1, self.error_id[CRUSHED] - 1, self.error_id[JUMPING] - 1
+        return ti.Vector([total, lost, crushed, jumping, self.fastest[None]], ti.f64)
 
     @ti.func
     def check_motion(self, k, jump):
@@ -259,8 +265,8 @@ class NeighbourSearch:
             self.sort_grains()
         self.searches += 1
         self.grid.fill(self.grains.position, self.grains.count)
-        total = self.count_partners(dt / guards.displacement if guards.displacement else 0.0)
-        lost, crushed, jumping = self.error_id.to_numpy() - 1
+        found = self.count_partners(dt / guards.displacement if guards.displacement else 0.0)
+        total, lost, crushed, jumping = (int(found[i]) for i in range(4))
         if lost >= 0 and guards.finite:
             raise SimulationError(f"grain {lost}: its position is not a number", grains=[lost])
         if crushed >= 0:
@@ -268,8 +274,8 @@ class NeighbourSearch:
             raise SimulationError(text, grains=[crushed])
         if jumping >= 0:
             raise self.jump_error(jumping, dt, guards.displacement)
-        separation = 2.0 * (self.fastest[None] + self.domain.flow_over(self.skin[None])) * dt
-        if separation > self.skin[None] and np.isfinite(separation):
+        separation = 2.0 * (found[4] + self.domain.flow_over(self.width)) * dt
+        if separation > self.width and np.isfinite(separation):
             self.set_skin(2.0 * separation)
             return self.count(dt, guards)
         return total

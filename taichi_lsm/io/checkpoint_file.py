@@ -110,7 +110,7 @@ def save_checkpoint(sim: "Simulation", path: str | PathLike[str], run_state: Map
         for name in COUNTERS:
             file.setncattr(name, np.int64(getattr(sim, name)))
         file.searches = np.int64(sim.search.searches)
-        for name, value in zip(NUMBERS, (sim.dt, sim.skin, float(sim.search.skin.to_numpy())), strict=True):
+        for name, value in zip(NUMBERS, (sim.dt, sim.skin, sim.search.width), strict=True):
             file.setncattr(name, value)
         file.pair_capacity = np.int64(sim.pairs.capacity)
         for group, rows, owner, count in _tables(sim):

@@ -208,9 +208,9 @@ class Monitor:
                 {"energy_error": error, "energy_turned_over": turnover},
             )
 
-    def check_error_flags(self) -> None:
-        """Stop at an error that a kernel reported, unless its guard is off."""
-        found = self.sim.error_flags.pop()
+    def check_error_flags(self, reported: int) -> None:
+        """Stop at the error of the code that a launch reported, if it is not 0, unless its guard is off."""
+        found = self.sim.error_flags.pop() if reported else None
         if found is None:
             return
         code, k, l = found

@@ -5,7 +5,7 @@ sums that are not divided are made by one of them.
 """
 
 from ..core.runtime import ti
-from .step_stages import RESUMED, STARTED, WHOLE
+from .step_stages import RESUMED, STARTED, WHOLE, Launched
 from .thread_team import SPREAD, ThreadTeam
 
 # Stages of a step. A thread that slept through a step must not mistake one stage for another, so that each stage of
@@ -26,38 +26,42 @@ class StepLoopCPU:
         self.scheme, self.validity, self.grains = stages.scheme, stages.validity, stages.grains
         self.team = ThreadTeam(threads, END_OF_LAUNCH + 1)
 
-    def launch(self, count: int) -> None:
+    def launch(self, count: int) -> Launched:
         """Make up to `count` steps, fewer if the list must be rebuilt or a launch would take long."""
         most = max(1, min(MOST_STEPS, GRAIN_STEPS // len(self.grains)))
-        self.steps(min(count, most), WHOLE)
-        self.scheme.count_steps(self.stages.steps_done[None])
+        done = Launched(*map(int, self.steps(min(count, most), WHOLE)))
+        self.scheme.count_steps(done.steps)
+        return done
 
-    def finish_step(self) -> None:
+    def finish_step(self) -> Launched:
         """Contacts of a step that has drifted and then waited for a new list."""
-        self.steps(1, RESUMED)
+        done = Launched(*map(int, self.steps(1, RESUMED)))
         self.scheme.count_steps(1)
+        return done
 
-    def start(self) -> None:
+    def start(self) -> Launched:
         """Contacts at the positions of the start of a run; no time passes."""
         self.scheme.restart()
-        self.steps(1, STARTED)
+        return Launched(*map(int, self.steps(1, STARTED)))
 
     def empty_launch(self) -> None:
         """A launch without a step, of which only the time is of interest."""
         self.steps(0, WHOLE)
 
     @ti.kernel
-    def steps(self, count: ti.i32, mode: ti.i32):
+    def steps(self, count: ti.i32, mode: ti.i32) -> ti.types.vector(3, ti.i32):
         """Up to `count` steps, the first of them as `mode` says; one kernel serves all modes, as it compiles long."""
         # Counters of the team, flags and the strain of the cell as they are before the first step.
         self.team.begin(self.grains.count[None], self.forces.pairs.row_start)
         self.validity.outdated[None] = 0
+        self.stages.steps_done[None] = 0
         self.stages.domain.note_strain()
         # Taichi hands out blocks of at least SPREAD indices: one index of each block stands for a thread.
         ti.loop_config(serialize=self.team.size == 1)
         for i in range(self.team.size * SPREAD):
             if i % SPREAD == 0:
                 self.run_thread(i // SPREAD, count, mode)
+        return self.stages.launched()
 
     @ti.func
     def run_thread(self, t, count, mode):

@@ -1,6 +1,7 @@
 """One step in a launch for each stage, with a thread for each grain: for a GPU, and on the CPU with the same bits."""
 
 from ..core.runtime import ti
+from .step_stages import Launched
 
 LAUNCHED_STEPS = 8  # before the flags are read
 
@@ -13,21 +14,32 @@ class StepLoopGPU:
         self.stages, self.spec, self.forces = stages, stages.spec, stages.forces
         self.scheme, self.validity, self.grains = stages.scheme, stages.validity, stages.grains
 
-    def launch(self, count: int) -> None:
+    def launch(self, count: int) -> Launched:
         """Make up to `count` steps, fewer if the list must be rebuilt."""
         for _ in range(min(count, LAUNCHED_STEPS)):
             self.step()
-        self.scheme.count_steps(self.stages.steps_done[None])
+        done = Launched(*map(int, self.done()))
+        self.scheme.count_steps(done.steps)
+        return done
 
-    def finish_step(self) -> None:
+    def finish_step(self) -> Launched:
         """Contacts of a step that has drifted and then waited for a new list."""
-        self.contacts_only(self.scheme.dt[None])
+        self.contacts_only(1.0)
         self.scheme.count_steps(1)
+        return Launched(*map(int, self.done()))
 
-    def start(self) -> None:
+    def start(self) -> Launched:
         """Contacts at the positions of the start of a run; no time passes."""
         self.scheme.restart()
         self.contacts_only(0.0)
+        return Launched(*map(int, self.done()))
+
+    @ti.kernel
+    def done(self) -> ti.types.vector(3, ti.i32):
+        """What the launches since the last call did."""
+        found = self.stages.launched()
+        self.stages.steps_done[None] = 0
+        return found
 
     @ti.kernel
     def step(self):
@@ -85,14 +97,14 @@ class StepLoopGPU:
                 self.forces.evaluate_rows(block, k, k + 1, self.scheme.dt[None])
 
     @ti.kernel
-    def contacts_only(self, dt: ti.f64):
-        """Contacts at the present positions, which end a step of dt [s]; 0 at the start of a run."""
+    def contacts_only(self, steps: ti.f64):
+        """Contacts at the present positions, which end so many steps: 1, or 0 at the start of a run."""
         for k in range(self.grains.count[None]):
             block = self.forces.block(0)
-            self.forces.evaluate_rows(block, k, k + 1, dt)
+            self.forces.evaluate_rows(block, k, k + 1, steps * self.scheme.dt[None])
         self.validity.outdated[None] = 0
         self.stages.halted[None] = 0
-        self.sum_boundaries(dt)
+        self.sum_boundaries(steps * self.scheme.dt[None])
 
     @ti.func
     def sum_boundaries(self, dt):

@@ -1,11 +1,24 @@
 """What each stage of a step does, for one grain or one row of the list; both step loops are made of these."""
 
+from typing import NamedTuple
+
 from ..core.runtime import ti
 
 # How a launch begins.
 WHOLE = 0  # with whole steps
 RESUMED = 1  # with the contacts alone of a step that has drifted and then waited for a new neighbour list
 STARTED = 2  # with the contacts alone at the start of a run: no time passes
+
+
+class Launched(NamedTuple):
+    """What a launch did: finished steps; 1 if a step waits for a new neighbour list; code of an error, 0 for none.
+
+    A launch returns all three: to read a field from the host compiles a kernel of its own.
+    """
+
+    steps: int
+    halted: int
+    error: int
 
 
 @ti.data_oriented
@@ -23,6 +36,11 @@ class StepStages:
         self.error_flags = self.forces.geometry.error_flags
         self.halted = ti.field(ti.i32, ())
         self.steps_done = ti.field(ti.i32, ())
+
+    @ti.func
+    def launched(self):
+        """Values of `Launched`."""
+        return ti.Vector([self.steps_done[None], self.halted[None], self.error_flags.code[None]])
 
     @ti.func
     def drift_mobile(self, k, step):
