@@ -30,7 +30,6 @@ from workflows.common.refusals import check_idle
 from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import attributes_of
-from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.parameters import Shape, round_grains
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
@@ -317,11 +316,10 @@ def run(
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
-    watch = Stopwatch()
 
     def report(label, state):
         if progress:
-            progress({"label": label, "state": f"{state}, {watch.seconds:.0f} s"})
+            progress({"label": label, "state": f"{state}, {parts.watch.seconds:.0f} s"})
 
     trials = []
     for name, measure in (("numerical", numerical), ("shapes", of_shapes)):
@@ -338,7 +336,7 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
     plot_work_precision(out / f"work_precision.{params.format}", found)
     plot_summary(out / f"tenfold.{params.format}", found)
     metrics = analyse(trials)
-    metrics |= watch.metrics()
+    metrics |= parts.watch.metrics()
     write_summary(out, "accuracy-cost", params.preset_name, metrics, quiet=progress is None)
     parts.clear()
     return table

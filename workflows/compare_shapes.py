@@ -188,7 +188,7 @@ def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> 
     if status != "interrupted":
         run_plots.plot_comparison(out, params.format)
     metrics = analyse(table)
-    metrics |= watch.metrics()
+    metrics |= watch.metrics(resume)
     if progress:
         print(table_text(table))
     write_summary(out, "compare-shapes", params.preset_name, metrics, quiet=progress is None, run_status=status)

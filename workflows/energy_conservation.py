@@ -26,7 +26,6 @@ from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, attributes_of, write_runs
-from workflows.common.stopwatch import Stopwatch
 from workflows.energy.gas_metrics import PUBLISHED_DRIFT, analyse
 from workflows.energy.gas_runs import CONES, SCHEMES, gas_cost, runs_of, schemes_of
 from workflows.plots.energy_figure import plot_energy
@@ -295,7 +294,6 @@ def run(
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
-    watch = Stopwatch()
     rows, series, stop = measure(params, parts, progress)
     if stop and not rows:
         raise stop
@@ -329,7 +327,7 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
         raise stop
     metrics = analyse(rows, params.dim)
     plot_energy(out / f"energy.{params.format}", rows, series, PUBLISHED_DRIFT)
-    metrics |= watch.metrics()
+    metrics |= parts.watch.metrics()
     write_summary(out, "energy-conservation", params.preset_name, metrics, quiet=progress is None)
     parts.clear()
     return table

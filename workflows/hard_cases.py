@@ -25,7 +25,6 @@ from workflows.common.parameters import nearest
 from workflows.common.run_cost import PROCESS_BYTES, RunCost, of_replicas
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, write_runs
-from workflows.common.stopwatch import Stopwatch
 from workflows.hard import Bench, cases_of, modules
 from workflows.plots.hard_cases import plot_cases
 from workflows.protocol.finished_parts import FinishedParts
@@ -212,7 +211,6 @@ def run(
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
-    watch = Stopwatch()
     rows = measure(params, parts, progress)
     numbers = [
         lsm.Variable("value", ("run",), "f64", "1", "measured value, in the unit of the case"),
@@ -228,7 +226,7 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
     (out / "hard_cases.md").write_text(table_text(rows), encoding="utf-8")
     plot_cases(out / f"hard_cases.{params.format}", rows)
     metrics = analyse(rows)
-    metrics |= watch.metrics()
+    metrics |= parts.watch.metrics()
     if progress:
         print("\n".join(plain_lines(rows)))
     write_summary(out, "hard-cases", params.preset_name, metrics, quiet=progress is None)

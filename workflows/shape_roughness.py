@@ -30,7 +30,6 @@ from workflows.common.refusals import checked
 from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import Rows, write_runs
-from workflows.common.stopwatch import Stopwatch
 from workflows.plots.roughness import plot_roughness
 from workflows.protocol.finished_parts import FinishedParts
 
@@ -338,7 +337,6 @@ def run(
 
 def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> xarray.Dataset:
     """The experiment in its folder."""
-    watch = Stopwatch()
     parts = FinishedParts(out, params, resume)
     rows, stop = measure(params, out, parts, progress)
     if stop and not rows:
@@ -360,7 +358,7 @@ def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> 
         raise stop
     metrics = analyse(rows)
     plot_roughness(out / f"roughness.{params.format}", rows, *example_outlines(params))
-    metrics |= watch.metrics()
+    metrics |= parts.watch.metrics()
     write_summary(out, "shape-roughness", params.preset_name, metrics, quiet=progress is None)
     parts.clear()
     return table

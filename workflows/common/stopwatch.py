@@ -31,11 +31,14 @@ class Stopwatch:
         """
         return _processor_seconds() - self._processor
 
-    def metrics(self) -> dict[str, Metric]:
-        """Both times, as they stand in summary.json."""
+    def metrics(self, resumed: bool = False) -> dict[str, Metric]:
+        """Both times, as they stand in summary.json; resumed: what was spent before the run went on is not in them."""
+        since = "; since it was resumed" if resumed else ""
         return {
-            "seconds": Metric(self.seconds, "s", note="wall-clock time of the run, with compiling"),
-            "cpu_seconds": Metric(self.cpu_seconds, "s", note="processor time, all threads and processes together"),
+            "seconds": Metric(self.seconds, "s", note=f"wall-clock time of the run, with compiling{since}"),
+            "cpu_seconds": Metric(
+                self.cpu_seconds, "s", note=f"processor time, all threads and processes together{since}"
+            ),
         }
 
 

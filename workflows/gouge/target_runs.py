@@ -97,7 +97,7 @@ def _run_to_target(
         "step_safety": Metric(plan.step_safety, "1"),
         "expected_seconds": Metric(plan.expected_seconds, "s", note="wall-clock time on idle cores"),
         **worst_claims({label: _claimed(out / "runs" / label) for label in runs}),
-        **watch.metrics(),
+        **watch.metrics(resume),
     }
     write_summary(out, "shear-gouge", params.preset_name, metrics, quiet=progress is None)
     return table

@@ -19,8 +19,10 @@ from taichi_lsm.core.errors import InputError
 from workflows.common.parallel_runs import fresh_processes
 from workflows.common.parameters import Params
 from workflows.common.run_folder import PARTS
+from workflows.common.stopwatch import Stopwatch
 
 PARAMETERS = "parameters"  # the file that tells with which the parts were made
+TIMES = "times"  # the file that tells how long it took until the last of them
 MOST_ITEM = 2**16  # bytes of a number or text in an array
 
 
@@ -35,6 +37,11 @@ class FinishedParts:
         Of the experiment.
     resume
         Whether parts that are there already count; else they are removed.
+
+    Attributes
+    ----------
+    watch
+        Time of the experiment, with that until the last part before it went on.
 
     Raises
     ------
@@ -51,7 +58,10 @@ class FinishedParts:
         if isinstance(former, dict) and former != acting:
             differing = ", ".join(name for name in acting if former.get(name) != acting[name])
             raise InputError(f"{self.folder}: was made with other {differing}; begin anew, or with these as they were")
-        self._parameters = acting
+        self._parameters, self.watch = acting, Stopwatch()
+        spent = self.get(TIMES)
+        if isinstance(spent, list) and len(spent) == 2 and all(isinstance(time, int | float) for time in spent):
+            self.watch.add(*spent)
         self._writing = threading.Lock()  # parts that end are kept by a thread of the pool
 
     def get(self, name: str) -> Any:
@@ -70,6 +80,7 @@ class FinishedParts:
         if not self._path(PARAMETERS).is_file():
             self._write(PARAMETERS, self._parameters)
         self._write(name, result)
+        self._write(TIMES, [self.watch.seconds, self.watch.cpu_seconds])
         return self.get(name)
 
     def _write(self, name: str, content: Any) -> None:

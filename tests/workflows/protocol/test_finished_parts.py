@@ -1,5 +1,8 @@
 """Parts of an experiment that are finished are not made twice, and come back to the last bit."""
 
+import hashlib
+import json
+
 import numpy as np
 import pytest
 
@@ -36,6 +39,19 @@ def test_parts_made_in_processes_are_kept_as_they_end(tmp_path, monkeypatch):
         next(made)
     assert sorted(put) == [("first", (3, 1)), ("fourth", (4, 1))]
     assert FinishedParts(tmp_path, PARAMS, resume=True).get("fourth") == [4, 1]
+
+
+def test_the_time_of_a_run_that_goes_on_is_that_of_all_its_parts(tmp_path):
+    FinishedParts(tmp_path, PARAMS, resume=False).put("one", 1.0)
+    times = tmp_path / "parts" / "times.json"
+    text = json.dumps([100.0, 200.0])
+    times.write_text(json.dumps({"digest": hashlib.sha256(text.encode()).hexdigest(), "result": text}))
+    watch = FinishedParts(tmp_path, PARAMS, resume=True).watch
+    assert 100.0 <= watch.seconds < 110.0 and 200.0 <= watch.cpu_seconds < 210.0
+    times.write_text("[]")  # altered
+    assert FinishedParts(tmp_path, PARAMS, resume=True).watch.seconds < 10.0
+    FinishedParts(tmp_path, PARAMS, resume=True).put("two", 2.0)
+    assert FinishedParts(tmp_path, PARAMS, resume=False).watch.seconds < 10.0
 
 
 def test_a_part_that_was_not_written_to_its_end_does_not_count(tmp_path):
