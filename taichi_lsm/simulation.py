@@ -304,13 +304,13 @@ class Simulation:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
 
-    def keep_checkpoints(self, folder: str | Path, seconds: float = 60.0) -> None:
+    def keep_checkpoints(self, folder: str | Path, seconds: float = 60.0, last: Path | None = None) -> None:
         """Keep the last good state in `folder`: checkpoint.nc, every so many seconds of wall clock if no guard objects.
 
         The one before is kept beside it, see `checkpoints`. A run that stops with an error leaves its state in
-        stopped.nc. `restore_checkpoint` reads all of them.
+        stopped.nc. `restore_checkpoint` reads all of them. last: of a restored run, the file that it goes on from.
         """
-        self._folder, self._last_good = Path(folder), None
+        self._folder, self._last_good = Path(folder), last
         self._keep_seconds, self._kept = seconds, time.monotonic()
 
     def keep_checkpoint(self, run_state: Mapping[str, Any] | None = None) -> None:

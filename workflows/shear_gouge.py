@@ -159,9 +159,12 @@ def _simulate(
     start = Start()
     if resume and lsm.checkpoints.has_checkpoint(out):
         start, damage = start_of(layer, schedule, out, watch, identity_of(params))
+        sim.keep_checkpoints(out, seconds=np.inf, last=out / lsm.checkpoints.LAST)
         if progress:
             before = f" before the last one, as {damage}" if damage else ""
             progress({"state": f"resuming from the checkpoint{before}, at step {sim.step}"})
+    elif resume and progress:
+        progress({"state": "no checkpoint is there: beginning anew"})
     try:
         loop = _record(layer, schedule, out, params, progress, watch, start, resume)
     except lsm.SimulationError as error:

@@ -60,7 +60,7 @@ def restore_last(sim: "Simulation", folder: str | PathLike[str]) -> Restored:
         if damages:
             replace(path, Path(folder) / LAST)
         return Restored(run_state, Path(folder) / LAST, "; ".join(damages))
-    raise InputError("; ".join(damages))
+    raise InputError(f"{'; '.join(damages)}; none is whole: begin the run anew")
 
 
 def has_checkpoint(folder: str | PathLike[str]) -> bool:

@@ -185,7 +185,8 @@ def test_a_damaged_checkpoint_does_not_take_the_place_of_a_good_one(saved, tmp_p
         assert lsm.restore_checkpoint(saved[0], tmp_path / name) == {"rows": rows}
     lsm.checkpoints.remove_checkpoints(tmp_path)
     assert not list(tmp_path.iterdir())
-    with pytest.raises(lsm.InputError, match=r"checkpoint\.nc: no such file.*checkpoint\.previous\.nc: no such file"):
+    none = r"checkpoint\.nc: no such file.*checkpoint\.previous\.nc: no such file.*begin the run anew"
+    with pytest.raises(lsm.InputError, match=none):
         lsm.checkpoints.restore_last(saved[0], tmp_path)
 
 
@@ -288,6 +289,9 @@ def test_only_a_file_of_this_run_is_its_last_good_state(saved, tmp_path):
     assert saved_at_a_stop() == ["stopped.nc", "checkpoint.nc"]
     sim.reset(sim.scene)
     assert saved_at_a_stop() == ["stopped.nc"]
+    sim.reset(sim.scene)
+    sim.keep_checkpoints(tmp_path, seconds=0.0, last=good)  # as a run that goes on from it
+    assert saved_at_a_stop() == ["stopped.nc", "checkpoint.nc"]
 
 
 def check_drives_are_read_with_care(sim, whole):
