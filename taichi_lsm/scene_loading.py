@@ -13,6 +13,7 @@ def load_scene(sim: Any) -> None:
     """
     scene = sim.scene
     sim.domain.set_lengths(scene.lengths)
+    sim.error_flags.want(scene.guards)
     sim.measure.thickness = scene.thickness
     for bound, effect in zip(sim.effects, scene.effects, strict=True):
         bound.write_parameters(effect)
