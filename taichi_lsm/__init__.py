@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .core.netcdf_input import opened_netcdf as opened_netcdf
     from .core.runtime import check_arch as check_arch
     from .core.schema import Variable as Variable
+    from .core.whole_files import replacing as replacing
     from .dense_start import dense_packing as dense_packing
     from .effects.coulomb_friction import CoulombFriction as CoulombFriction
     from .effects.gravity import Gravity as Gravity
@@ -141,6 +142,7 @@ _HOME = {
     "check_arch": "core.runtime",
     "machine_memory": "core.memory",
     "opened_netcdf": "core.netcdf_input",
+    "replacing": "core.whole_files",
 }
 # The most used names of the namespaces, here as well.
 _SHORTCUTS = {

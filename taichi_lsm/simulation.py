@@ -112,6 +112,7 @@ class Simulation:
         self.parts = PartTable(scene.shapes, self.grains) if spec.multi_part else None
         self.state = StateView(self.grains, self._energies_changed)
         when_allocated(lambda: load_state(self))
+        when_allocated(lambda: self.error_flags.want(scene.guards))
         # None where the scene lists none; typed Any, for a caller knows what its scene lists.
         self.bonds: Any = None
         self.platens: Any = None
@@ -308,7 +309,7 @@ class Simulation:
         """Keep the last good state in `folder`: checkpoint.nc, every so many seconds of wall clock if no guard objects.
 
         The one before is kept beside it, see `checkpoints`. A run that stops with an error leaves its state in
-        stopped.nc. `restore_checkpoint` reads all of them. last: of a restored run, the file that it goes on from.
+        stopped.nc, to be looked at: it may be in the midst of a step. last: the file that a restored run goes on from.
         """
         self._folder, self._last_good = Path(folder), last
         self._keep_seconds, self._kept = seconds, time.monotonic()
@@ -349,7 +350,7 @@ class Simulation:
                 self.rebuild_neighbours()
             with self.clock("steps"):
                 finished = self.step_loop.finish_step()
-            self.step += 1
+            self.step += finished.steps
             self.monitor.check_error_flags(finished.error)
         with self.clock("guards"):
             self.monitor.check()

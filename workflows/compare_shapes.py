@@ -23,10 +23,9 @@ from workflows.common import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, shown, write_summary
 from workflows.common.parallel_runs import Progress, run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
-from workflows.common.parameter_files import CONFIG
 from workflows.common.refusals import check_idle, derived
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import Existing, run_folder
+from workflows.common.run_folder import Existing, is_begun, run_folder
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.layer_metrics import worst_claims
@@ -166,7 +165,7 @@ def run(
     if existing == "resume":
         for label, of_run in build(params).items():
             child = Path(out) / "runs" / label
-            if (child / CONFIG).is_file():  # before anything is changed
+            if is_begun(child):  # before anything is changed
                 shear_gouge.check_resume(of_run, child)
     with run_folder(params, "compare-shapes", out, existing, RESUMABLE) as folder:
         return _run(params, folder, progress, existing == "resume")

@@ -269,9 +269,10 @@ def measure(
         with child_reports(progress) as reports:
             reports.show({"stage": f"starting the processes of {len(schemes)} schemes, two at a time"})
             calls = {scheme: (measure_scheme, params, scheme, reports.of(scheme)) for scheme in schemes}
-            for scheme, (own, series[scheme]) in parts.made_in_processes(calls):
-                rows += own
-                reports.show({"label": scheme, "state": f"{len(own)} runs done", "ended": True})
+            with parts.made_in_processes(calls) as made:
+                for scheme, (own, series[scheme]) in made:
+                    rows += own
+                    reports.show({"label": scheme, "state": f"{len(own)} runs done", "ended": True})
     except signals.Interrupted as stop:
         return rows, series, stop
     return rows, series, None

@@ -133,10 +133,11 @@ def measure(params: Params, parts: FinishedParts, progress: Progress | None = No
             label = f"{kind} {precision}"
             calls[label] = (run_kind, kind, precision, params.runs == "short", reports.of(label))
         reports.show({"stage": f"starting {len(calls)} processes, two at a time"})
-        for label, own in parts.made_in_processes(calls):
-            rows += own
-            failed = sum(row["status"] == STATUS.index("failed") for row in own)
-            reports.show({"label": label, "state": f"{len(own)} cases, {failed} failed", "ended": True})
+        with parts.made_in_processes(calls) as made:
+            for label, own in made:
+                rows += own
+                failed = sum(row["status"] == STATUS.index("failed") for row in own)
+                reports.show({"label": label, "state": f"{len(own)} cases, {failed} failed", "ended": True})
     order = {kind: i for i, kind in enumerate(kinds)}
     return sorted(rows, key=lambda row: order[row["kind"]])  # stable: cases stay in the order of the text
 
@@ -229,9 +230,10 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
     metrics |= parts.watch.metrics()
     if progress:
         print("\n".join(plain_lines(rows)))
-    write_summary(out, "hard-cases", params.preset_name, metrics, quiet=progress is None)
-    parts.clear()
     failed = [f"{row['title']} ({row['precision']})" for row in rows if STATUS[row["status"]] == "failed"]
+    status = "failed" if failed else "complete"
+    write_summary(out, "hard-cases", params.preset_name, metrics, quiet=progress is None, run_status=status)
     if failed:
         raise lsm.SimulationError(f"{len(failed)} hard cases failed: {'; '.join(failed)}")
+    parts.clear()
     return table

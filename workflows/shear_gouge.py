@@ -19,7 +19,14 @@ from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
 from workflows.common.parameters import to_toml
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import Existing, begin_run, check_unchanged, former_parameters, run_folder
+from workflows.common.run_folder import (
+    Existing,
+    begin_run,
+    check_unchanged,
+    former_parameters,
+    run_folder,
+    write_config,
+)
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
@@ -175,15 +182,16 @@ def _simulate(
         raise
     if params.profile:
         print(lsm.runtime_profile_text(sim))
-    if not params.keep_checkpoint:
+    dataset = _conclude(params, out, progress, watch, loop.grain_steps_per_second)
+    if not params.keep_checkpoint:  # last: with them times and speed of the run would be lost
         lsm.checkpoints.remove_checkpoints(out)
-    return _conclude(params, out, progress, watch, loop.grain_steps_per_second)
+    return dataset
 
 
 def _analyse_again(params: Params, out: Path, progress: Progress | None, watch: Stopwatch) -> xarray.Dataset:
     """Analysis, picture and summary of a run that was complete; what it took is kept."""
     former, rate = (read_summary(out) or {}).get("metrics", {}), None
-    begin_run(params, NAME, out)
+    write_config(params, NAME, out)  # the summary stays until the new one takes its place
     if {"seconds", "cpu_seconds", "grain_steps_per_second"} <= former.keys():
         watch.add(former["seconds"]["value"], former["cpu_seconds"]["value"])
         rate = former["grain_steps_per_second"]["value"]

@@ -335,12 +335,14 @@ def _saved_drives(sim: "Simulation", path: Path, text: str) -> list[list[Any]]:
 def _saved_guards(text: str) -> dict[str, Any]:
     """What `Monitor.memory` gave; ValueError, TypeError or KeyError if it is anything else."""
     found = json.loads(text)
-    energies = found["first_energies"]
-    numbers = [found["next_check"], found["next_sum"], found["highest"], *([] if energies is None else energies)]
-    wanted = 3 if energies is None else 3 + len(Energies._fields)
-    if len(numbers) != wanted or not all(isinstance(number, int | float) for number in numbers):
+    energies, counts = found["first_energies"], [found[name] for name in ("next_check", "check_steps", "next_sum")]
+    numbers = [found["highest"], *([0.0] * len(Energies._fields) if energies is None else energies)]
+    whole = all(isinstance(count, int) and count >= 0 for count in counts)
+    if len(found) != 5 or len(numbers) != 1 + len(Energies._fields) or not whole:
         raise ValueError("guards")
-    return {name: found[name] for name in ("next_check", "next_sum", "highest", "first_energies")}
+    if not all(isinstance(number, int | float) for number in numbers):
+        raise TypeError("guards")
+    return found
 
 
 def _require_shapes(sim: "Simulation", path: Path, tables: dict[str, dict[str, npt.NDArray]], capacity: int) -> None:

@@ -1,6 +1,6 @@
 """The last two checkpoints of a run, in its folder: while one is written, or if it is damaged, there is the other."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -40,10 +40,13 @@ def keep_checkpoint(sim: "Simulation", folder: str | PathLike[str], run_state: M
     return last
 
 
-def restore_last(sim: "Simulation", folder: str | PathLike[str]) -> Restored:
+def restore_last(
+    sim: "Simulation", folder: str | PathLike[str], accept: Callable[[dict[str, Any], Path], None] | None = None
+) -> Restored:
     """Put `sim` into the state of the last checkpoint in `folder` that is whole.
 
-    One that is damaged is removed once the one before it has been restored, so that it cannot take its place.
+    One that is damaged is removed once the one before it has been restored, so that it cannot take its place. accept:
+    is called with `run_state` and path before, and raises what it has against them.
 
     Raises
     ------
@@ -57,6 +60,8 @@ def restore_last(sim: "Simulation", folder: str | PathLike[str]) -> Restored:
         except DamagedCheckpointError as error:
             damages.append(str(error))
             continue
+        if accept:
+            accept(run_state, path)
         if damages:
             replace(path, Path(folder) / LAST)
         return Restored(run_state, Path(folder) / LAST, "; ".join(damages))

@@ -4,6 +4,7 @@ import errno
 import os
 import socket
 import sys
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -14,6 +15,7 @@ from ..core.errors import InputError
 
 NAME = ".lock"
 WITHOUT_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
+PATIENCE_S = 0.2  # for which a lock is tried: `holder_of` has it for an instant
 LOCKED_BYTE = 2**30  # far behind the text of the file: what Windows locks can be read by nobody
 
 
@@ -58,8 +60,7 @@ def locked(folder: str | PathLike[str]) -> Iterator[None]:
 def holder_of(folder: str | PathLike[str]) -> str | None:
     """Who holds the lock of a folder, such as "process 7 on host"; None if nobody does.
 
-    A run that begins in the same instant may find the folder in use. On a file system without locks, whoever wrote the
-    file last counts as the holder.
+    On a file system without locks, whoever wrote the file last counts as the holder.
     """
     path = Path(folder) / NAME
     try:
@@ -67,22 +68,22 @@ def holder_of(folder: str | PathLike[str]) -> str | None:
     except OSError:  # there is none
         return None
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)
-            return None if _try_lock(lock) else _holder(path)
-    except UserWarning:
-        return _holder(path)
+        return None if _is_free(lock) else _holder(path)
     finally:
         os.close(lock)
 
 
 def _acquired(path: Path) -> int | None:
     """An open file that holds the lock, None if another one does."""
+    refused_at = time.monotonic() + PATIENCE_S
     while True:
         lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         if not _try_lock(lock):
             os.close(lock)
-            return None
+            if time.monotonic() > refused_at:
+                return None
+            time.sleep(0.01)
+            continue
         # The former holder removes the file before it lets go: the lock of a file without a name excludes nobody.
         with suppress(FileNotFoundError):
             if os.path.samestat(os.stat(path), os.fstat(lock)):
@@ -113,6 +114,12 @@ if sys.platform == "win32":
         os.lseek(lock, 0, os.SEEK_SET)
         return True
 
+    def _is_free(lock: int) -> bool:
+        """Whether nobody holds the lock, as far as can be known."""
+        with suppress(OSError):
+            return _try_lock(lock)
+        return False
+
     def _release(lock: int, path: Path) -> None:
         """Close the file, which ends the lock, then remove it unless another process has it open."""
         os.close(lock)
@@ -133,6 +140,14 @@ else:
                 raise
             lacking = f"the file system has no locks ({error.strerror}): start no second run in this folder"
             warnings.warn(lacking, stacklevel=4)
+        return True
+
+    def _is_free(lock: int) -> bool:
+        """Whether nobody holds the lock, as far as can be known: a shared one needs no right to write."""
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return False
         return True
 
     def _release(lock: int, path: Path) -> None:

@@ -42,13 +42,14 @@ class Monitor:
             self.first_energies = former.first_energies
 
     def begin(self) -> None:
-        """Start again: a run begins. A time step beyond that of a dense packing is checked from the start on."""
+        """Start again: a run begins. A time step beyond that of a dense packing is checked after every launch."""
         self.next_check, self.check_steps = self.sim.step + CHECK_STEPS, CHECK_STEPS
         self.bodies = None
         self.forget()
         guards, scene = self.sim.scene.guards, self.sim.scene
         if guards.step and scene.dt and not scene.dt <= guards.step * scene.step_bound(scene.bodies()):
             self.check_steps = 1
+            self.next_check = self.sim.step
             self._check_grains()
 
     def forget(self) -> None:
@@ -60,14 +61,17 @@ class Monitor:
         first = self.first_energies
         return {
             "next_check": self.next_check,
+            "check_steps": self.check_steps,
             "next_sum": self.next_sum,
             "highest": self.highest,
             "first_energies": None if first is None else list(first),
         }
 
-    def recall(self, next_check: int, next_sum: int, highest: float, first_energies: list[float] | None) -> None:
+    def recall(
+        self, next_check: int, check_steps: int, next_sum: int, highest: float, first_energies: list[float] | None
+    ) -> None:
         """Go on with the `memory` of the run that the state was restored from."""
-        self.next_check, self.next_sum, self.highest = next_check, next_sum, highest
+        self.next_check, self.check_steps, self.next_sum, self.highest = next_check, check_steps, next_sum, highest
         self.first_energies = None if first_energies is None else Energies(*first_energies)
 
     @ti.kernel
@@ -154,9 +158,11 @@ class Monitor:
             self._check_energy()
 
     def check_all(self) -> None:
-        """Check everything now."""
+        """Check everything now; later checks are those that they would have been without this one."""
+        memory = self.memory()
         self._check_grains()
         self._check_energy()
+        self.recall(**memory)
 
     def _check_grains(self):
         sim, guards = self.sim, self.sim.scene.guards

@@ -74,7 +74,7 @@ class StepLoopCPU:
         # All threads agree on where they stopped; the step that waits for a list is not counted as done.
         if self.team.lead(END_OF_LAUNCH):
             self.stages.halted[None] = 1 - going
-        ti.atomic_max(self.stages.steps_done[None], ti.min(step, count) - ti.cast(mode != WHOLE, ti.i32))
+        ti.atomic_max(self.stages.steps_done[None], ti.min(step, count) - ti.cast(mode == STARTED, ti.i32))
 
     @ti.func
     def step(self, t, block: ti.template(), step, count, mode):

@@ -26,7 +26,7 @@ class StepLoopGPU:
         """Contacts of a step that has drifted and then waited for a new list."""
         self.contacts_only(1.0)
         self.scheme.count_steps(1)
-        return Launched(*map(int, self.done()))
+        return Launched(*map(int, self.done()))._replace(steps=1)
 
     def start(self) -> Launched:
         """Contacts at the positions of the start of a run; no time passes."""

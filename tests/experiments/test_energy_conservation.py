@@ -1,6 +1,7 @@
 """The verification experiment in small: files, metrics, and the bounds that a small gas can meet."""
 
 import signal
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -54,7 +55,11 @@ def test_an_interrupted_run_keeps_the_schemes_that_are_done(tmp_path, monkeypatc
     done |= {"steps_per_contact": 50, "drift": 1e-4, "shadow_drift": 1e-6}
     energies = {name: np.linspace(1.0, 2.0, 3) for name in ("time", "shadow_correction", *energy_conservation.TERMS)}
 
+    @contextmanager
     def made(parts, calls):
+        yield one(calls)
+
+    def one(calls):
         assert next(iter(calls)) == "onset_verlet"
         yield "onset_verlet", ([done], energies)
         raise signals.Interrupted(signal.SIGTERM)

@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+from types import SimpleNamespace
 
 import netCDF4
 import numpy as np
@@ -15,8 +16,10 @@ from workflows import shear_gouge
 from workflows.cli.discovery import find_workflows
 from workflows.cli.main import main
 from workflows.common import signals
+from workflows.common.metrics import read_summary
 from workflows.common.parameters import merge
 from workflows.common.run_folder import is_complete
+from workflows.plots import run_plots
 
 # Smallest runs of the experiments; one that is not named here has parameters that need no telling.
 LAYER = {"layer_thickness": 8, "length": 8, "inertial_number": 0.02, "strain": 1.3}
@@ -167,6 +170,49 @@ def test_a_checkpoint_goes_on_only_in_the_files_and_with_the_parameters_of_its_r
     (tmp_path / "grains.nc").rename(out / "grains.nc")
     assert main(["resume", str(out), "--quiet"]) == 0
     assert differences(out, folder) == []
+
+
+def test_a_run_that_is_killed_before_its_summary_keeps_its_times(sheared, tmp_path, monkeypatch):
+    """Its checkpoint is removed last, and a summary of before goes with the file that it tells of."""
+    folder, params, _ = sheared("sphere")
+    out = shutil.copytree(folder, tmp_path / folder.name)
+    before = read_summary(out)
+    monkeypatch.setattr(run_plots, "plot_run", raise_interrupted)
+    with pytest.raises(signals.Interrupted):  # analysed anew
+        shear_gouge.run(params.model_copy(update={"steady_from": 0.25}), out, existing="resume")
+    assert read_summary(out) == before
+    order = []
+    monkeypatch.setattr(shear_gouge, "build", lambda *_: SimpleNamespace())
+    monkeypatch.setattr(lsm, "Simulation", lambda *_: SimpleNamespace(dt=1.0, keep_checkpoints=lambda *a, **k: None))
+    monkeypatch.setattr(lsm, "ShearedLayer", lambda *_: SimpleNamespace(thickness=1.0))
+    monkeypatch.setattr(shear_gouge, "_record", lambda *_: SimpleNamespace(grain_steps_per_second=1.0))
+    monkeypatch.setattr(shear_gouge, "_conclude", lambda *_: order.append("summary"))
+    monkeypatch.setattr(lsm.checkpoints, "remove_checkpoints", lambda _: order.append("removed"))
+    shear_gouge.run(params, out, existing="overwrite")
+    assert order == ["summary", "removed"]
+
+
+def raise_interrupted(*_):
+    raise signals.Interrupted(signal.SIGTERM)
+
+
+def test_a_run_that_goes_on_is_not_complete_though_its_old_summary_says_so(sheared, tmp_path):
+    folder, _, _ = sheared("sphere")
+    out = shutil.copytree(folder, tmp_path / "copy")
+    assert is_complete(out)
+    with netCDF4.Dataset(out / "run.nc", "a") as file:
+        file.run_status = "running"
+    assert not is_complete(out)
+
+
+def test_a_mistake_in_the_config_of_a_run_is_told(sheared, tmp_path, capsys):
+    """And not passed over for what run.nc holds, nor written over."""
+    folder, _, _ = sheared("sphere")
+    out = shutil.copytree(folder, tmp_path / "copy")
+    text = (out / "config.toml").read_text().replace("strain = 0.5", "strain = 0,5")
+    (out / "config.toml").write_text(text)
+    assert main(["resume", str(out)]) == 2 and "config.toml: is not valid TOML" in capsys.readouterr().err
+    assert (out / "config.toml").read_text() == text
 
 
 def test_lsm_resume_names_what_it_cannot_do(sheared, tmp_path, capsys):

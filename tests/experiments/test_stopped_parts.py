@@ -15,6 +15,7 @@ from tests.experiments.test_accuracy_cost import AFTER, DRIFT, DURING, falling
 from tests.experiments.test_hard_cases import row
 from workflows import accuracy_cost, energy_conservation, hard_cases, shape_roughness
 from workflows.cli.discovery import find_workflows
+from workflows.cli.main import main
 from workflows.common import signals
 from workflows.common.parameters import merge
 from workflows.common.run_folder import is_complete
@@ -119,7 +120,7 @@ def variables(folder):
 
 
 @pytest.mark.parametrize("name", sorted(find_workflows().keys() - OF_LAYERS))
-def test_a_run_that_goes_on_makes_the_missing_parts_alone(name, tmp_path, monkeypatch):
+def test_a_run_that_goes_on_makes_the_missing_parts_alone(name, tmp_path, monkeypatch, capsys):
     module, parts = find_workflows()[name], Parts()
     monkeypatch.setattr(finished_parts, "fresh_processes", no_processes)
     for picture in (name for name in vars(module) if name.startswith("plot_")):  # they take longer than all the rest
@@ -136,4 +137,8 @@ def test_a_run_that_goes_on_makes_the_missing_parts_alone(name, tmp_path, monkey
     module.run(params, tmp_path / "stopped", existing="resume")
     assert parts.made == every  # each once
     assert variables(tmp_path / "stopped") == variables(tmp_path / "whole") != {}
+    before = {path: path.read_bytes() for path in (tmp_path / "stopped").iterdir()}
+    assert main(["resume", str(tmp_path / "stopped"), "--format", "svg"]) == 2  # nothing is left to go on with
+    assert "is complete, and nothing is left of it" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in (tmp_path / "stopped").iterdir()} == before
     assert {path.name for path in (tmp_path / "stopped").iterdir()} == {p.name for p in (tmp_path / "whole").iterdir()}

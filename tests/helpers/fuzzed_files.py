@@ -12,10 +12,12 @@ import os
 import resource
 import shutil
 import sys
+import tempfile
 import time
 import traceback
 import warnings
 from contextlib import suppress
+from pathlib import Path
 from typing import NamedTuple
 
 import netCDF4
@@ -157,8 +159,16 @@ def read_experiment(path):
     read_config(path)
 
 
+@functools.cache
+def parameters_of_parts():
+    """Content of the file without which no part counts."""
+    with tempfile.TemporaryDirectory() as folder:
+        return (part_file(Path(folder)).parent / "parameters.json").read_bytes()
+
+
 def read_part(path):
     """A part that is damaged is as one that is not there."""
+    (path.parent / "parameters.json").write_bytes(parameters_of_parts())
     found = FinishedParts(path.parent.parent, shear_gouge.Params(), resume=True).get("part")
     if found is None:
         raise lsm.InputError(f"{path}: no such part")

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,34 @@ def test_a_killed_process_holds_nothing(tmp_path):
     with locked(tmp_path):
         assert f"process {os.getpid()} on" in (tmp_path / NAME).read_text()
     assert not os.listdir(tmp_path)
+
+
+def test_a_look_at_the_lock_makes_no_run_fail(tmp_path, monkeypatch):
+    """Nor does it need the right to write, which locks of network file systems ask for."""
+    (tmp_path / NAME).write_text("process 1 on gone\n")
+    looking = threading.Event()
+
+    def look():
+        while not looking.is_set():
+            holder_of(tmp_path)
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    for _ in range(100):
+        with locked(tmp_path):
+            pass
+        (tmp_path / NAME).write_text("process 1 on gone\n")
+    looking.set()
+    thread.join()
+    flock = fcntl.flock
+
+    def of_network(file, how):
+        if how & fcntl.LOCK_EX:
+            raise OSError(errno.EBADF, "Bad file descriptor")
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", of_network)
+    assert holder_of(tmp_path) is None
 
 
 def test_the_same_process_is_refused_too_and_an_error_releases(tmp_path):

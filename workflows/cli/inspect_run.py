@@ -14,7 +14,7 @@ from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameter_files import CONFIG
 from workflows.common.parameter_problems import as_written
 from workflows.common.parameters import merge, nearest
-from workflows.common.run_folder import is_complete
+from workflows.common.run_folder import has_results, is_complete
 
 UNKNOWN = "unknown: no file of the whole run is there"
 UNFINISHED = ("running", "interrupted", UNKNOWN)
@@ -117,10 +117,11 @@ def print_info(folder: Path) -> int:
     attributes = _attributes(folder)
     for name, value in attributes.items():
         print(f"{name}: {value}")
-    holder = lsm.holder_of(folder)
+    holder = next(filter(None, map(lsm.holder_of, (folder, *runs))), None)
+    goes_on = attributes.get("run_status") in UNFINISHED or has_results(folder)
     if holder:
         print(f"in use: {holder} writes to it")
-    elif attributes.get("run_status") in UNFINISHED and (folder / CONFIG).is_file() and not is_complete(folder):
+    elif goes_on and (folder / CONFIG).is_file() and not is_complete(folder):
         print(f"stopped: no process writes to it any more; to go on with it: lsm resume {folder}")
     if (folder / FILE).is_file():
         print()

@@ -63,6 +63,12 @@ def resume(
         print(f"{folder}: the run is complete, there is nothing to go on with")
         missed = failed_claims(read_summary(folder) or {})
         return CLAIM_NOT_MET if missed and common.get("strict") else COMPLETE
+    if is_complete(folder) and not hasattr(found[name], "RESUMABLE"):
+        told = ", ".join(map(option_name, options))
+        raise InputError(
+            f"{told}: the run in {folder} is complete, and nothing is left of it to go on with; to make it again: "
+            f"lsm {name} --config {config} {told} ... --out {folder} --overwrite"
+        )
     return execute(name, found[name], options, out=str(folder), config=str(config), existing="resume", **common)
 
 

@@ -10,7 +10,7 @@ import json
 import tempfile
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,8 +40,8 @@ class ReportFile:
         """Append a report, a mapping or a dataclass; numbers of NumPy become plain ones."""
         if self.path:
             line = json.dumps(as_dict(report) | {"label": self.label}, default=float) + "\n"
-            with open(self.path, "a", encoding="utf-8") as file:  # one write a line: lines of two processes do not mix
-                file.write(line)
+            with suppress(OSError), open(self.path, "a", encoding="utf-8") as file:  # a report is worth no run
+                file.write(line)  # at once: lines of two processes do not mix
 
 
 SILENT = ReportFile("")
@@ -69,13 +69,20 @@ class ChildReports:
         """Show what the children have reported since the last time."""
         if self._path is None or not self._progress:
             return
-        with self._showing, open(self._path, "rb") as file:
-            file.seek(self._read)
-            lines = file.read().splitlines(keepends=True)
-            for line in lines:
+        with self._showing:
+            for line in self._lines():
                 if line.endswith(b"\n"):  # else it is still being written
                     self._read += len(line)
-                    self._progress(json.loads(line))
+                    with suppress(ValueError):  # a full disk has cut it
+                        report = json.loads(line)
+                        self._progress(report)
+
+    def _lines(self) -> list[bytes]:
+        """What is new in the file; nothing if somebody has removed it."""
+        with suppress(OSError), open(self._path or "", "rb") as file:
+            file.seek(self._read)
+            return file.read().splitlines(keepends=True)
+        return []
 
 
 @contextmanager

@@ -31,7 +31,7 @@ from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli import discovery
 from workflows.cli.progress import as_dict
 from workflows.common import signals
-from workflows.common.run_folder import CONFIG, is_done
+from workflows.common.run_folder import is_begun, is_done
 
 SEND_EVERY_S = 0.2
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
@@ -155,7 +155,7 @@ def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
         with _FreshProcesses(count, mp_context=spawn, initializer=_end_with_parent, max_tasks_per_child=1) as pool:
             try:
                 yield pool
-            except signals.Interrupted:  # what runs is given up, or the pool would wait for all that was submitted
+            except (signals.Interrupted, OSError):  # what runs is given up, or the pool would wait for all of it
                 for child in multiprocessing.active_children():
                     child.terminate()
                 # Its thread and semaphores end here: a further signal while Python exits would leave them behind.
@@ -189,7 +189,7 @@ def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Runn
     context = multiprocessing.get_context("spawn")
     receiver, sender = context.Pipe(duplex=False)
     # Pickled here, and read by the child only once it can import a plugin's Params.
-    existing = "resume" if resume and (Path(out) / CONFIG).is_file() else "overwrite"
+    existing = "resume" if resume and is_begun(Path(out)) else "overwrite"
     payload = pickle.dumps((module_name, params, str(out), reports, existing))
     process = context.Process(target=_child, args=(label, payload, sender, str(log)), name=f"lsm {label}", daemon=True)
     resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again

@@ -100,8 +100,11 @@ def config_in(folder: Path) -> Path:
     if not paths:
         raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run that was begun")
     for path in paths:
-        if isinstance(_read(path, []).get("experiment"), str):
+        problems: list[str] = []
+        if isinstance(_read(path, problems).get("experiment"), str):
             return path
+        if problems and path.name == CONFIG and path.stat().st_size > 0:  # a mistake of whoever has edited it
+            raise InputError(problems[0].removeprefix("--config "))
     raise InputError(f"{paths[0]}: names no experiment, must be of a run of this version")
 
 

@@ -146,25 +146,43 @@ def begin_run(params: Params, experiment: str, folder: Path) -> None:
         pictures = [folder / f"{name}.{kind}" for name in PICTURES for kind in ("png", "pdf", "svg")]
         for path in (folder / SUMMARY, folder / "stopped.nc", *pictures):
             path.unlink(missing_ok=True)
-    new = folder / f".{CONFIG}.part"
-    try:
+    write_config(params, experiment, folder)
+
+
+def write_config(params: Params, experiment: str, folder: Path) -> None:
+    """Write config.toml; an empty one would leave a run that nothing can go on with."""
+    with lsm.replacing(folder / CONFIG) as new:
         new.write_text(to_toml(params, experiment), encoding="utf-8")
-        os.replace(new, folder / CONFIG)  # one that is empty would leave a run that nothing can go on with
-    except OSError as error:
-        new.unlink(missing_ok=True)
-        raise lsm.SimulationError(f"{folder / CONFIG}: cannot be written: {error.strerror}; make room") from error
 
 
 def is_complete(folder: Path) -> bool:
-    """Whether the run in a folder has come to its end, by its summary."""
+    """Whether the run in a folder has come to its end, by its summary and by its run.nc if it has one."""
     summary = read_summary(folder)
-    return summary is not None and summary.get("run_status", "complete") == "complete"
+    if summary is None or summary.get("run_status", "complete") != "complete":
+        return False
+    return status_of(folder) in ("complete", None)
+
+
+def status_of(folder: Path) -> str | None:
+    """`run_status` of the run.nc in a folder; None if there is none that can be read."""
+    if not (folder / "run.nc").is_file():
+        return None
+    try:
+        with lsm.opened_netcdf(folder / "run.nc") as file:
+            return str(file.run_status)
+    except (OSError, RuntimeError, ValueError, AttributeError):  # InputError is a ValueError
+        return None
 
 
 def has_results(folder: Path) -> bool:
     """Whether a run that was interrupted has left something to go on from."""
     found = [*folder.glob("checkpoint*.nc"), *folder.glob(f"{PARTS}/*.json"), *folder.glob("runs/*/*.nc")]
-    return len(found) > 0
+    return len(found) > 0 or status_of(folder) == "complete"
+
+
+def is_begun(folder: Path) -> bool:
+    """Whether a folder holds a run, complete or not."""
+    return (folder / CONFIG).is_file() or (folder / "run.nc").is_file()
 
 
 def is_done(folder: Path, params: Params) -> bool:

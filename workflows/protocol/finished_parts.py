@@ -9,12 +9,14 @@ import shutil
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
 from workflows.common.parallel_runs import fresh_processes
 from workflows.common.parameters import Params
@@ -23,6 +25,7 @@ from workflows.common.stopwatch import Stopwatch
 
 PARAMETERS = "parameters"  # the file that tells with which the parts were made
 TIMES = "times"  # the file that tells how long it took until the last of them
+MOST_S = 1e10  # of a run [s]; more is no time
 MOST_ITEM = 2**16  # bytes of a number or text in an array
 
 
@@ -58,9 +61,15 @@ class FinishedParts:
         if isinstance(former, dict) and former != acting:
             differing = ", ".join(name for name in acting if former.get(name) != acting[name])
             raise InputError(f"{self.folder}: was made with other {differing}; begin anew, or with these as they were")
+        if not isinstance(former, dict):  # parts of who knows which parameters
+            self.clear()
         self._parameters, self.watch = acting, Stopwatch()
         spent = self.get(TIMES)
-        if isinstance(spent, list) and len(spent) == 2 and all(isinstance(time, int | float) for time in spent):
+        if (
+            isinstance(spent, list)
+            and len(spent) == 2
+            and all(isinstance(s, float) and 0.0 <= s < MOST_S for s in spent)
+        ):
             self.watch.add(*spent)
         self._writing = threading.Lock()  # parts that end are kept by a thread of the pool
 
@@ -85,19 +94,22 @@ class FinishedParts:
 
     def _write(self, name: str, content: Any) -> None:
         path = self._path(name)
-        temporary = path.with_suffix(".part")
         text = json.dumps(content, default=_plain)
-        with self._writing:
+        with self._writing, lsm.replacing(path) as temporary:
             temporary.write_text(json.dumps({"digest": _digest(text), "result": text}), encoding="utf-8")
-            os.replace(temporary, path)
 
     def made(self, name: str, make: Callable[[], Any]) -> Any:
         """The result of a part, which `make` gives if it is not there."""
         found = self.get(name)
         return self.put(name, make()) if found is None else found
 
-    def made_in_processes(self, calls: Mapping[str, tuple[Any, ...]], at_a_time: int = 2) -> Iterator[tuple[str, Any]]:
-        """(name, result) of every part, in their order; those that are not there are made in fresh processes.
+    @contextmanager
+    def made_in_processes(
+        self, calls: Mapping[str, tuple[Any, ...]], at_a_time: int = 2
+    ) -> Iterator[Iterator[tuple[str, Any]]]:
+        """An iterator of (name, result) of every part, in their order; missing ones are made in fresh processes.
+
+        If the block raises, what its processes have not finished is given up, but for the parts beside one that fails.
 
         Parameters
         ----------
@@ -121,8 +133,7 @@ class FinishedParts:
                 if found[name] is None:
                     kept[name] = Future()
                     pool.submit(*call).add_done_callback(partial(keep, name))
-            for name in calls:
-                yield name, kept[name].result() if name in kept else found[name]
+            yield ((name, kept[name].result() if name in kept else found[name]) for name in calls)
 
     def clear(self) -> None:
         """Remove all parts: the experiment is complete, or begins anew."""

@@ -12,6 +12,9 @@ import taichi_lsm as lsm
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol.schedule import Position, Stage
 
+# What `RunLoop` saves beside the simulation.
+STATE = {"position", "layer", "rows", "snapshots", "id", "parameters", "rate", "seconds", "cpu_seconds"}
+
 
 @dataclass(frozen=True)
 class Start:
@@ -57,9 +60,10 @@ def start_of(
     (Start, str)
         Where to go on, and what was wrong with the last checkpoint where the one before it was taken, else "".
     """
-    restored = lsm.checkpoints.restore_last(layer.sim, out)
+    restored = lsm.checkpoints.restore_last(
+        layer.sim, out, lambda state, path: _check_same_run(state, path, Path(out), identity)
+    )
     state = restored.run_state
-    _check_same_run(state, restored.path, Path(out), identity)
     layer.restore(state["layer"])
     watch.add(state["seconds"], state["cpu_seconds"])
     position, snapshots = Position(**state["position"]), state["snapshots"]
@@ -72,6 +76,11 @@ def start_of(
 
 def _check_same_run(state: Mapping[str, Any], checkpoint: Path, out: Path, identity: Mapping[str, Any]) -> None:
     """Refuse a checkpoint of another run than the files beside it, or of one with other parameters."""
+    lacking = sorted(STATE - state.keys())
+    if lacking:
+        raise lsm.InputError(
+            f"{checkpoint}: holds no {', '.join(lacking)}, must be a checkpoint of lsm shear-gouge; begin the run anew"
+        )
     known = state["parameters"]
     differing = [name for name, value in identity.items() if known.get(name, value) != value]
     if differing:

@@ -81,6 +81,11 @@ def test_info_says_how_to_go_on_with_a_run_that_has_only_begun(tmp_path, capsys)
         main(["info", str(tmp_path)])
     said = capsys.readouterr().out
     assert f"in use: process {os.getpid()} on" in said and "lsm resume" not in said
+    (tmp_path / "runs" / "round-1").mkdir(parents=True)
+    (tmp_path / "runs" / "round-1" / "config.toml").write_text('experiment = "shear-gouge"\n')
+    with lsm.locked(tmp_path / "runs" / "round-1"):  # whose parent was killed
+        main(["info", str(tmp_path)])
+    assert "in use: process" in capsys.readouterr().out
     (tmp_path / "summary.json").write_text('{"metrics": {}}')
     assert main(["info", str(tmp_path)]) == 0
     said = capsys.readouterr().out

@@ -2,11 +2,12 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from workflows.common.child_reports import SILENT, ChildReports, child_reports
+from workflows.common.child_reports import SILENT, ChildReports, ReportFile, child_reports
 
 
 @pytest.fixture
@@ -47,6 +48,17 @@ def test_reports_arrive_while_the_parent_waits(shown):
                 break
             time.sleep(0.05)
     assert shown == [{"stage": "compiling", "label": "a"}]
+
+
+def test_reports_are_worth_no_run(tmp_path, shown):
+    """Neither a folder that was cleaned up nor a disk that cuts a line off ends what is reported."""
+    path = tmp_path / "reports"
+    reports = ChildReports(path, shown.append)
+    ReportFile("/dev/full" if Path("/dev/full").exists() else str(tmp_path), "a")({"stage": "compiling"})
+    reports.show({"label": "a", "state": "done"})
+    path.write_text('{"stage": "cut o{"stage": "two"}\n{"stage": "three"}\n')
+    reports.show_new()
+    assert shown == [{"label": "a", "state": "done"}, {"stage": "three"}]
 
 
 def test_without_a_progress_nothing_is_written():

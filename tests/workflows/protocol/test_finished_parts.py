@@ -2,11 +2,14 @@
 
 import hashlib
 import json
+import signal
+import time
 
 import numpy as np
 import pytest
 
 from taichi_lsm.core.errors import InputError
+from workflows.common import signals
 from workflows.common.parameters import Params
 from workflows.protocol.finished_parts import FinishedParts
 
@@ -33,12 +36,45 @@ def test_parts_made_in_processes_are_kept_as_they_end(tmp_path, monkeypatch):
     parts.put("second", -1)
     monkeypatch.setattr(parts, "put", lambda *part: (put.append(part), FinishedParts.put(parts, *part))[1])
     calls = {"first": (divmod, 7, 2), "second": (divmod, 1, 0), "third": (divmod, 1, 0), "fourth": (divmod, 9, 2)}
-    made = parts.made_in_processes(calls)  # the second would fail, were it made
-    assert [next(made), next(made)] == [("first", [3, 1]), ("second", -1)]
+    taken = []
     with pytest.raises(ZeroDivisionError):
-        next(made)
+        take(parts, calls, taken, lambda: None)
+    assert taken == [("first", [3, 1]), ("second", -1)]  # which would fail, were it made
     assert sorted(put) == [("first", (3, 1)), ("fourth", (4, 1))]
     assert FinishedParts(tmp_path, PARAMS, resume=True).get("fourth") == [4, 1]
+
+
+def take(parts, calls, taken, after):
+    """Take the results of all parts as an experiment does."""
+    with parts.made_in_processes(calls) as made:
+        for part in made:
+            taken.append(part)
+            after()
+
+
+def raising(error):
+    def after():
+        raise error
+
+    return after
+
+
+@pytest.mark.parametrize("error", [signals.Interrupted(signal.SIGTERM), BrokenPipeError()])
+def test_parts_that_run_are_given_up_when_the_experiment_is_asked_to_end(tmp_path, error):
+    """Also between two results."""
+    parts = FinishedParts(tmp_path, PARAMS, resume=True)
+    calls = {"first": (divmod, 7, 2), **{f"slow {i}": (time.sleep, 60) for i in range(3)}}
+    began = time.monotonic()
+    with pytest.raises(type(error)):
+        take(parts, calls, [], raising(error))
+    assert time.monotonic() - began < 50.0
+    assert parts.get("first") == [3, 1] and parts.get("slow 0") is None
+
+
+def test_parts_of_unknown_parameters_do_not_count(tmp_path):
+    FinishedParts(tmp_path, PARAMS, resume=True).put("one", 1.0)
+    (tmp_path / "parts" / "parameters.json").write_text("")
+    assert FinishedParts(tmp_path, Params(seed=7), resume=True).get("one") is None
 
 
 def test_the_time_of_a_run_that_goes_on_is_that_of_all_its_parts(tmp_path):
@@ -48,8 +84,10 @@ def test_the_time_of_a_run_that_goes_on_is_that_of_all_its_parts(tmp_path):
     times.write_text(json.dumps({"digest": hashlib.sha256(text.encode()).hexdigest(), "result": text}))
     watch = FinishedParts(tmp_path, PARAMS, resume=True).watch
     assert 100.0 <= watch.seconds < 110.0 and 200.0 <= watch.cpu_seconds < 210.0
-    times.write_text("[]")  # altered
-    assert FinishedParts(tmp_path, PARAMS, resume=True).watch.seconds < 10.0
+    for text in ("[]", "[NaN, 1.0]", "[-5.0, 1.0]", "[true, true]", "[1e300, 1.0]", f"[{10**400}, 1.0]"):
+        digest = hashlib.sha256(text.encode()).hexdigest()
+        times.write_text(json.dumps({"digest": digest, "result": text}))
+        assert FinishedParts(tmp_path, PARAMS, resume=True).watch.seconds < 10.0
     FinishedParts(tmp_path, PARAMS, resume=True).put("two", 2.0)
     assert FinishedParts(tmp_path, PARAMS, resume=False).watch.seconds < 10.0
 

@@ -2,6 +2,7 @@
 
 import json
 import signal
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -11,7 +12,7 @@ from workflows.common import signals
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol import run_loop
 from workflows.protocol.conditions import Reached, Settled
-from workflows.protocol.resume import Start, start_of
+from workflows.protocol.resume import STATE, Start, _check_same_run, start_of
 from workflows.protocol.run_loop import RunLoop
 from workflows.protocol.schedule import Position, Stage
 
@@ -114,7 +115,12 @@ def go(monkeypatch, tmp_path):
         world = World()
         state = json.loads(saved)
         restored = lsm.checkpoints.Restored(state, "checkpoint.nc", "")
-        monkeypatch.setattr(lsm.checkpoints, "restore_last", lambda sim, out: restored)
+
+        def restore_last(sim, out, accept):
+            accept(state, restored.path)
+            return restored
+
+        monkeypatch.setattr(lsm.checkpoints, "restore_last", restore_last)
         files = SimpleNamespace(attrs={"id": "run"})
         monkeypatch.setattr(lsm, "open_run", lambda path: files)
         start, damage = start_of(world, stages, tmp_path, Stopwatch(), {"seed": 1})
@@ -231,3 +237,17 @@ def test_signals_that_the_process_ignores_stay_ignored():
 def test_a_position_is_plain():
     position = Position(stage=1, begun=True, memory={"strain": 0.5})
     assert Position(**json.loads(json.dumps(position.as_plain()))) == position
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ({}, r"^checkpoint.nc: holds no cpu_seconds, id, .*must be a checkpoint of lsm shear-gouge"),
+        ({"parameters": {"seed": 2}}, r"^checkpoint.nc: is of a run with seed 2 where this run has 1"),
+    ],
+)
+def test_checkpoints_of_something_else_are_refused(tmp_path, state, message):
+    """As stopped.nc under another name, which holds no place in a schedule."""
+    whole = dict.fromkeys(STATE) | state if state else {}
+    with pytest.raises(lsm.InputError, match=message):
+        _check_same_run(whole, Path("checkpoint.nc"), tmp_path, {"seed": 1})
