@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 HEAP = b"GCOL\x01\0\0\0"  # signature, version, three reserved bytes; then 8 bytes: the size
 HEAP_HEADER, OBJECT_HEADER = 16, 16  # bytes
 MOST_PACKED = 1100  # bytes that deflate makes of one, at most 1032, and a margin
+IN_MEMORY = 2**28  # bytes of a file that is read as a whole
 SMALL = 2**24  # bytes that any file may declare
 MUCH = 0.5  # share of the machine's memory
 OF_TEXT = 16  # bytes of a text, or another value of any length, in its variable
@@ -41,16 +42,13 @@ def opened_netcdf(path: Path) -> "Iterator[netCDF4.Dataset]":
     import netCDF4
 
     _require_whole_heaps(path)
-    with netCDF4.Dataset(path) as dataset:
+    # By its content and not by its name: the library crashes where a file that is open elsewhere in the process, as by
+    # xarray, is opened and closed again.
+    content = path.read_bytes() if path.stat().st_size <= IN_MEMORY else None
+    with netCDF4.Dataset(path, memory=content) as dataset:
         dataset.set_auto_mask(False)
         _require_moderate(dataset, path.stat().st_size)
         yield dataset
-
-
-def require_readable(path: Path) -> None:
-    """Raise what `opened_netcdf` raises, before another library opens the file."""
-    with opened_netcdf(path):
-        pass
 
 
 def _require_whole_heaps(path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError, reason, shown
-from ..core.netcdf_input import require_readable
+from ..core.netcdf_input import opened_netcdf
 from ..core.record_netcdf import is_record_file, read_layout
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
         If the file is missing, truncated or damaged, no NetCDF file, or not written by this package.
     """
     import xarray  # takes long to load
+    from xarray.backends import NetCDF4DataStore
 
     path = Path(path)
     if path.is_dir() and (path / "run.nc").is_file():
@@ -44,8 +45,9 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     try:
         if is_record_file(path):
             _require_whole(path)
-        require_readable(path)
-        dataset = xarray.load_dataset(path, engine="netcdf4")
+        with opened_netcdf(path) as file:
+            dataset = xarray.open_dataset(NetCDF4DataStore(file)).load()
+            dataset.set_close(None)  # the file is closed here
         if "stage" in dataset.coords and dataset.stage.dims == ("time",):
             dataset = dataset.set_xindex("stage")
     except Exception as error:  # attributes of other types are errors of any kind in xarray
