@@ -54,6 +54,7 @@ COLUMNS = (
 
 FRICTION = ("friction_mean", "friction_se", "friction_ess")
 FIT = 0.03  # time to fit an outline, per disc [s]
+FARTHEST = 10.0  # times as many discs as are fitted to which the error is extrapolated
 
 
 class Params(BaseParams):
@@ -289,13 +290,15 @@ def analyse(rows: Rows) -> dict[str, Metric]:
         metrics[f"roughness_{kind}_30"] = Metric(float(column(kind, "roughness")[at]), "1")
     slope, offset = np.polyfit(np.log(elements), np.log(column("clump", "shape_error")), 1)
     needed = float(np.exp((np.log(metrics["shape_error_patches_30"].value) - offset) / slope))
-    metrics["discs_at_equal_error"] = Metric(needed, "1")
+    far = needed > FARTHEST * elements.max()
+    metrics["discs_at_equal_error"] = Metric(None if far else needed, "1")
     patches, clumps = column("patches", "cost"), column("clump", "cost")
-    known = np.isfinite(clumps)
+    known = np.isfinite(clumps) & np.isfinite(patches)
     per_disc = np.polyfit(elements[known], clumps[known], 1) if known.sum() > 1 else (clumps[0] / elements[0], 0.0)
-    cost = float(np.nanmax(patches[: at + 1]))
-    metrics["cost_ratio_equal_error"] = Metric(float(np.polyval(per_disc, needed) / cost), "1")
-    last = int(np.flatnonzero(known)[-1])
+    cost = float(np.nanmax(patches[: at + 1])) if np.isfinite(patches[: at + 1]).any() else np.nan
+    ratio = float(np.polyval(per_disc, needed) / cost)
+    metrics["cost_ratio_equal_error"] = Metric(None if far else ratio, "1")
+    last = int(np.flatnonzero(np.append(True, known))[-1]) - 1 if known.any() else 0
     for kind in ("patches", "clump"):
         name = f"friction_{kind}_{elements[last]}"
         one_run = (column(kind, of_friction)[[last]] for of_friction in FRICTION)
@@ -313,7 +316,7 @@ def note_of(name: str, elements: NDArray) -> str | None:
         return f"greatest distance from the outline, in diameters, {of_grain}"
     if name.startswith("roughness"):
         return f"root mean square distance from the outline, in diameters, {of_grain}"
-    beyond = f"; extrapolated from {elements.min()} to {elements.max()} discs"
+    beyond = f"; extrapolated from {elements.min()} to {elements.max()} discs, at most {FARTHEST:g} times as many"
     return {
         "discs_at_equal_error": f"discs of a clump with the shape error of 30 patches{beyond}",
         "cost_ratio_equal_error": f"time per grain and step of such a clump over that of 30 patches{beyond}",

@@ -257,7 +257,8 @@ def _estimate(values: npt.NDArray[np.float64]) -> Estimate:
 
     effective = np.asarray(array_stats.ess(values[np.newaxis], method="mean"), dtype=float).item()
     if effective < LEAST_EFFECTIVE:
-        reason = f"{effective:.0f} effective samples, at least {LEAST_EFFECTIVE} are needed: shear further"
+        found = math.floor(10.0 * effective) / 10.0  # or 19.97 would be the 20 that are needed
+        reason = f"{found:g} effective samples, at least {LEAST_EFFECTIVE} are needed: shear further"
         return Estimate(mean, math.nan, effective, math.nan, reason)
     error = float(values.std(ddof=1)) / math.sqrt(effective)
     return Estimate(mean, error, effective, effective / SAMPLES_PER_FREEDOM)

@@ -9,7 +9,15 @@ from taichi_lsm.io.run_file import RunWriter
 from tests.helpers.output_files import LABELS, RUN, attributes
 from workflows import shear_gouge
 from workflows.common.small_scenes import scene_of
-from workflows.gouge.labels import SPRING_WORDS, friction_words, grain_words, grains_of_run, shape_words, spring_words
+from workflows.gouge.labels import (
+    SPRING_WORDS,
+    friction_words,
+    grain_words,
+    grains_of_run,
+    other_effects,
+    shape_words,
+    spring_words,
+)
 from workflows.gouge.parameters import SPRINGS
 
 HERTZ = {"name": "hertz", "youngs_modulus": 70e9, "poissons_ratio": 0.3}
@@ -100,3 +108,16 @@ def test_a_spring_is_named_in_the_unit_in_which_it_was_given():
 def test_the_grains_of_a_run_are_those_that_its_file_names(title, words):
     params = shear_gouge.Params(shape="angular", breakable=True)
     assert grains_of_run(xr.Dataset(attrs={"title": title}), params).startswith(words)
+
+
+def test_effects_beside_the_usual_ones_are_in_the_title(sheared):
+    _, _, run = sheared("sphere")
+    assert other_effects(run) == ""
+    more = run.assign_coords(effect_name=("effect", ["hertz", *run.effect_name.values[1:]]))
+    assert other_effects(more) == ", with Hertz"
+
+
+def test_a_number_of_grains_that_gives_no_bulk_is_remarked():
+    assert shear_gouge.Params(grains=600).notes == ()
+    (note,) = shear_gouge.Params(grains=40).notes
+    assert note.startswith("--grains 40: the layer is 1.3 mean diameters thick, less than the 8 that --layer-thickness")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from taichi_lsm.measure.statistics import Estimate
 
 FILE = "summary.json"
+WIDE = 110  # characters of a terminal in which notes have a column of their own
 COLUMNS = ("metric", "value", "95 % interval", "unit", "claimed", "", "note")
 
 
@@ -153,10 +154,17 @@ def print_summary(summary: dict, console: Console | None = None) -> None:
     title = summary["workflow"] + (f", preset {summary['preset']}" if summary["preset"] else "")
     if console.is_terminal:
         used = [column for column, name in enumerate(COLUMNS) if name == "unit" or any(row[column] for row in rows)]
-        table = Table(*(COLUMNS[column] for column in used), title=title)
+        narrow = console.width < WIDE
+        used = [column for column in used if not (narrow and COLUMNS[column] == "note")]
+        table = Table(title=title)
+        for column in used:
+            table.add_column(COLUMNS[column], overflow="fold", no_wrap=COLUMNS[column] == "metric")
         for row in rows:
             table.add_row(*(row[column] for column in used))
         console.print(table)
+        for row in rows:
+            if narrow and row[-1]:
+                console.print(f"{row[0]}: {row[-1]}", markup=False, highlight=False)
         return
     widths = [max((len(row[column]) for row in rows), default=0) for column in range(len(COLUMNS) - 1)]
     print(title, file=console.file)

@@ -81,6 +81,10 @@ class Params(pydantic.BaseModel):
         """
         return None
 
+    def remarks(self) -> Iterator[str]:
+        """What is allowed and may yet surprise, one line each; none here."""
+        yield from ()
+
     def idle(self) -> dict[str, str]:
         """Fields that have no effect beside the values of the others, each with the reason; none here."""
         return {}
@@ -95,7 +99,8 @@ class Params(pydantic.BaseModel):
         """Keep in `notes` what another word for a choice means, as for parameters that `merge` makes."""
         params = handler(values)
         if isinstance(values, Mapping):
-            vars(params)["notes"] = tuple(_other_words(params, values, dict.fromkeys(values, "option")))
+            words = _other_words(params, values, dict.fromkeys(values, "option"))
+            vars(params)["notes"] = (*words, *params.remarks())
         return params
 
     @field_validator("*", mode="before")
@@ -168,6 +173,7 @@ def merge(
     unused = {key: reason for key, reason in idle.items() if sources.get(key) == str(toml_path)}
     given = {key for key, source in sources.items() if source != f"preset {name}"} - set(unused)
     notes = [*of_file.notes, *_unused_notes(str(toml_path), unused), *_other_words(params, values, sources)]
+    notes += params.remarks()
     # In the place of the cached properties.
     vars(params).update(preset_name=name, given=frozenset(given), notes=tuple(notes))
     return params

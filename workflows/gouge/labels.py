@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import xarray
 
 ROUND = {2: "discs", 3: "spheres"}
+USUAL = {"linear_elastic", "viscous_damping", "servo"}  # which every layer has unless it says otherwise
 SPRING_WORDS = {  # by the parameter that gives the stiffness of the spring of the load point
     "load_stiffness": "{:g} N/m",
     "load_stiffness_area": "{:g} Pa/m",
@@ -75,6 +76,19 @@ def friction_words(run: xarray.Dataset) -> str:
     return f"{effect_words(rows[0].effect)} ({', '.join(numbers)})"
 
 
+def other_effects(run: xarray.Dataset) -> str:
+    """Effects of a run beside springs, dashpots and friction: ", with Hertz, gravity", "" without any."""
+    names = [str(name) for name in run.effect_name.values]
+    rows = lsm.read_effects(run)
+    names += [row.effect for row in rows if row.effect not in names]
+    friction = {row.effect for row in rows if row.role == "friction"}
+    others = [effect_words(name) for name in names if name not in friction | USUAL]
+    return f", with {', '.join(others)}" if others else ""
+
+
 def effect_words(name: str) -> str:
     """The name of an effect as a text has it: "coulomb_friction" is "Coulomb friction"."""
-    return name.replace("_", " ").replace("coulomb", "Coulomb")
+    words = name.replace("_", " ")
+    for who in ("coulomb", "hertz", "mindlin"):
+        words = words.replace(who, who.capitalize())
+    return words

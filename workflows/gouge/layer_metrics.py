@@ -91,9 +91,7 @@ def worst_claims(runs: Mapping[str, Mapping[str, float]]) -> dict[str, Metric]:
         sizes = {label: abs(float(values[name])) for label, values in runs.items() if np.isfinite(values[name])}
         worst = max(sizes, key=lambda label: sizes[label], default=None)
         if worst is None:
-            found[f"{name}_max"] = Metric(
-                float("nan"), "1", bound, False, note="no complete run", remedy=REMEDIES[name]
-            )
+            found[f"{name}_max"] = Metric(None, "1", note="no complete run")
             continue
         above = [label for label, size in sizes.items() if not size < bound]
         note = f"largest of all runs, of {worst}" if len(above) < 2 else f"largest of all runs; above in {above}"

@@ -15,6 +15,7 @@ from workflows.gouge.labels import ROUND
 if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
 
+LEAST_THICKNESS = 8  # of a layer [mean diameters]
 LEAST_ROWS = 12  # of the steady state: the correlation of fewer cannot be estimated
 STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
 PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, which ties its thickness to its grains
@@ -54,7 +55,7 @@ class Params(BaseParams):
     normal_stress: float = Field(default=5e6, ge=1e-3, le=1e12, description="normal stress on the layer [Pa]")
     layer_thickness: float | None = Field(
         default=None,
-        ge=8,
+        ge=LEAST_THICKNESS,
         le=1e4,
         description="thickness of the layer; none: 24 in 2D, 15 in 3D, or that of the grains [mean diameters]",
     )
@@ -201,6 +202,15 @@ class Params(BaseParams):
             yield f"{options} are all the stiffness of the load spring: give one of them"
         if self.target_error and (self.breakable or self.spring or self.effects):
             yield "--target-error is for layers of whole grains at an imposed velocity, with the default effects"
+
+    def remarks(self) -> Iterator[str]:
+        """That a number of grains gives a layer too thin to have a bulk."""
+        thickness = self.layer[0] / self.diameter
+        if self.grains is not None and thickness < LEAST_THICKNESS:
+            yield (
+                f"--grains {self.grains}: the layer is {thickness:.2g} mean diameters thick, less than the "
+                f"{LEAST_THICKNESS} that --layer-thickness allows: between its platens it has no bulk"
+            )
 
     def idle(self) -> dict[str, str]:
         """Fields that have no effect: of the other dimension or shape, or of an effect that another one replaces."""

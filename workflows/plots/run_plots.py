@@ -16,7 +16,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.metrics import shown
-from workflows.gouge.labels import effect_words, friction_words, grains_of_run, shape_words, spring_words
+from workflows.gouge.labels import effect_words, friction_words, grains_of_run, other_effects, shape_words, spring_words
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published
 from workflows.plots.friction_axes import DASHES, SMOOTH_STRAIN, axis_limits, draw_zero, estimate_text, smoothed
@@ -184,7 +184,7 @@ def _conditions(params, sheared, grains):
     return (
         f"{params.dim}D gouge of {grains}, {' to '.join(sizes)} µm across, "
         f"{f'pulled by a spring of {spring}' if spring else 'sheared at constant velocity'}, "
-        f"normal stress {params.normal_stress / 1e6:g} MPa, {friction_words(sheared)}, "
+        f"normal stress {params.normal_stress / 1e6:g} MPa, {friction_words(sheared)}{other_effects(sheared)}, "
         f"inertial number {shown(rate, '.2g')}, stiffness number {shown(float(sheared.stiffness_number))}"
     )
 

@@ -89,7 +89,9 @@ def test_every_metric_of_the_roughness_says_what_it_is():
     assert notes == [
         "greatest distance from the outline, in diameters, of grains of 30 discs",
         "root mean square distance from the outline, in diameters, of grains of 30 patches",
-        "discs of a clump with the shape error of 30 patches; extrapolated from 12 to 30 discs",
-        "time per grain and step of such a clump over that of 30 patches; extrapolated from 12 to 30 discs",
+        "discs of a clump with the shape error of 30 patches; extrapolated from 12 to 30 discs, "
+        "at most 10 times as many",
+        "time per grain and step of such a clump over that of 30 patches; extrapolated from 12 to 30 discs, "
+        "at most 10 times as many",
         "standard error of the friction of a layer of grains of 12 discs",
     ]
