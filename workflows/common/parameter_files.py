@@ -15,6 +15,7 @@ from workflows.common.parameter_problems import as_written, nearest
 from workflows.common.toml_reader import parsed, read_toml
 
 CONFIG = "config.toml"  # what every run writes first, and its folder is known by
+SWEEP = "sweep"  # the table of a file that says how parameters vary over the runs of a sweep
 
 
 class OfFile(NamedTuple):
@@ -61,6 +62,7 @@ def read_for(
     for key, value in (("experiment", written_for), ("preset", preset)):
         if not isinstance(value, str | None):
             problems.append(f"{key} = {as_written(value)} ({path}): must be a text.")
+    sweeps = SWEEP not in fields and content.pop(SWEEP, None) is not None
     other = written_for is not None and experiment != "" and written_for != experiment
     for key, value in content.items():
         if key in fields:
@@ -84,6 +86,7 @@ def read_for(
             top[key] = value
     notes = [*_foreign_notes(path, experiment, foreign, others)]
     notes += [f"{path}: the table [{name}] was not taken: it is for that experiment" for name in tables]
+    notes += [f"{path}: the table [{SWEEP}] was not taken: it is for lsm sweep"] * sweeps
     of_this = isinstance(preset, str) and not other
     return OfFile(top, own, bool(tables or foreign or other), tuple(notes), preset if of_this else None)
 

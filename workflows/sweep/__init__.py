@@ -1,0 +1,1 @@
+"""Many runs of one experiment, whose parameters vary as a file says."""

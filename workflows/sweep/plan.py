@@ -1,0 +1,157 @@
+"""The runs of a sweep, from a file of parameters of one experiment with a table `[sweep]`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from taichi_lsm.core.errors import InputError, shown
+from workflows.common.parameter_files import SWEEP
+from workflows.common.parameter_problems import as_written, nearest
+from workflows.common.parameter_types import members
+from workflows.common.parameters import Params, merge
+from workflows.common.toml_reader import read_toml
+from workflows.sweep.factors import MOST_RUNS, Point, points_of
+
+KEYS = ("grid", "together", "sample", "replicas")
+
+
+@dataclass(frozen=True)
+class PlannedRun:
+    """One run of a sweep.
+
+    Attributes
+    ----------
+    label
+        Its number, and the name of its folder in `runs`.
+    point
+        What varies: value by parameter, with the seed if there are replicas.
+    params
+        Of the run; None if they are refused.
+    refusal
+        Why they are refused, else "".
+    """
+
+    label: str
+    point: Point
+    params: Params | None
+    refusal: str = ""
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """What a file asks for.
+
+    Attributes
+    ----------
+    experiment, module
+        Name and module of the experiment.
+    varied
+        Names of the parameters that vary, in their order.
+    runs
+        All runs; replicas of one point follow each other.
+    """
+
+    experiment: str
+    module: ModuleType
+    varied: tuple[str, ...]
+    runs: tuple[PlannedRun, ...]
+
+
+def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
+    """Read what runs a file asks for.
+
+    Parameters
+    ----------
+    path
+        A TOML file as `--config` takes it, which names its experiment, with a table `[sweep]`: see `points_of`, and
+        `replicas`, the number of runs of each point, with the seeds that follow `seed`.
+    found
+        Module of each experiment by its name.
+
+    Returns
+    -------
+    SweepPlan
+        Runs whose parameters contradict each other are in it with the reason.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used, or no run can be made; with the key, its value, what is allowed and what to do.
+    """
+    experiment, table = _read(path, found)
+    module = found[experiment]
+    fields = module.Params.model_fields
+    whole = frozenset(name for name in fields if _is_whole(fields[name].annotation))
+    try:
+        points = points_of(table, whole)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    replicas = table.get("replicas", 1)
+    if isinstance(replicas, bool) or not isinstance(replicas, int) or not 1 <= replicas <= MOST_RUNS // len(points):
+        raise InputError(
+            f"{path}: sweep.replicas = {shown(replicas)}: must be a whole number from 1 to {MOST_RUNS // len(points)}"
+        )
+    varied = tuple(points[0])
+    if replicas > 1:
+        if "seed" in varied:
+            raise InputError(f"{path}: sweep.replicas = {replicas}: gives the seeds, which vary already; remove one")
+        points, varied = _with_seeds(points, replicas, path, module, experiment, found), (*varied, "seed")
+    others = {name: set(other.Params.model_fields) for name, other in found.items() if name != experiment}
+    width = len(str(len(points)))
+    runs = [_planned(f"{i + 1:0{width}d}", point, path, module, experiment, others) for i, point in enumerate(points)]
+    if all(run.params is None for run in runs):
+        raise InputError(runs[0].refusal)
+    return SweepPlan(experiment, module, varied, tuple(runs))
+
+
+def _read(path: Path, found: Mapping[str, ModuleType]) -> tuple[str, Mapping[str, Any]]:
+    """(experiment, table [sweep]) of a file."""
+    try:
+        content = read_toml(path)
+    except FileNotFoundError:
+        others = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        raise InputError(f"{path}: there is no such file.{nearest(path.name, others)}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    experiment, table = content.get("experiment"), content.get(SWEEP)
+    if experiment not in found:
+        hint = nearest(str(experiment), found) if experiment else ""
+        what = f"experiment = {as_written(experiment)}" if experiment else "experiment is missing"
+        raise InputError(f"{path}: {what}, must be one of {', '.join(found)}.{hint}")
+    if not isinstance(table, Mapping):
+        what = "no table" if table else "missing"
+        raise InputError(f"{path}: {SWEEP} is {what}, must be a table, such as [{SWEEP}.grid]")
+    unknown = sorted(set(table) - set(KEYS))
+    if unknown:
+        hint = nearest(unknown[0], KEYS)
+        raise InputError(f"{path}: sweep.{as_written(unknown[0])}: unknown, must be one of {', '.join(KEYS)}.{hint}")
+    return str(experiment), table
+
+
+def _with_seeds(
+    points: list[Point], replicas: int, path: Path, module: ModuleType, experiment: str, found: Mapping[str, ModuleType]
+) -> list[Point]:
+    """Every point with the seeds of its replicas."""
+    others = {name: set(other.Params.model_fields) for name, other in found.items() if name != experiment}
+    first = merge(module.Params, None, path, None, experiment, others).seed
+    return [point | {"seed": first + r} for point in points for r in range(replicas)]
+
+
+def _planned(
+    label: str, point: Point, path: Path, module: ModuleType, experiment: str, others: Mapping[str, set[str]]
+) -> PlannedRun:
+    try:
+        params = merge(module.Params, None, path, point, experiment, others)
+        module.check(params)
+    except InputError as error:
+        return PlannedRun(label, point, None, str(error))
+    return PlannedRun(label, point, params)
+
+
+def _is_whole(annotation: Any) -> bool:
+    """Whether a parameter takes whole numbers and no others."""
+    return int in members(annotation) and float not in members(annotation)
