@@ -58,6 +58,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.netcdf_variables import Scalar as Scalar
     from .io.open_run import open_run as open_run
     from .io.open_run import open_runs as open_runs
+    from .io.open_sweep import open_sweep as open_sweep
     from .io.run_file import write_energies as write_energies
     from .io.run_file import write_table as write_table
     from .measure import statistics as statistics
@@ -134,6 +135,7 @@ _HOME = {
     "write_energies": "io.run_file",
     "open_run": "io.open_run",
     "open_runs": "io.open_run",
+    "open_sweep": "io.open_sweep",
     "published_friction": "core.data_files",
     "data_path": "core.data_files",
     "InputError": "core.errors",

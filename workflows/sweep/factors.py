@@ -35,8 +35,36 @@ class Range:
         return (1.0 - share) * self.low + share * self.high
 
 
+@dataclass(frozen=True)
+class Factor:
+    """What varies together, and is combined with all other factors.
+
+    Attributes
+    ----------
+    dim
+        Its name: that of its parameter, "together" or "sample".
+    points
+        Its values.
+    """
+
+    dim: str
+    points: list[Point]
+
+
 def points_of(table: Mapping[str, Any], whole: frozenset[str] = frozenset()) -> list[Point]:
-    """All points of a sweep.
+    """All points of a sweep: `combined` of its `factors_of`."""
+    return combined(factors_of(table, whole))
+
+
+def combined(factors: Sequence[Factor]) -> list[Point]:
+    """Every combination of the points of all factors, of which the last varies fastest; one empty point of none."""
+    return [
+        {k: v for part in parts for k, v in part.items()} for parts in itertools.product(*(f.points for f in factors))
+    ]
+
+
+def factors_of(table: Mapping[str, Any], whole: frozenset[str] = frozenset()) -> list[Factor]:
+    """What varies in a sweep.
 
     Parameters
     ----------
@@ -47,30 +75,23 @@ def points_of(table: Mapping[str, Any], whole: frozenset[str] = frozenset()) -> 
     whole
         Names of parameters that are whole numbers: values of ranges are rounded.
 
-    Returns
-    -------
-    list of dict
-        The last factor varies fastest. One empty point if nothing varies.
-
     Raises
     ------
     InputError
         With the key, its value, what is allowed and what to do.
     """
-    factors = [
-        *_grid(_table(table, "grid"), whole),
-        _together(_table(table, "together")),
-        _sample(_table(table, "sample"), whole),
-    ]
-    factors = [factor for factor in factors if factor]
-    number = math.prod(len(factor) for factor in factors)
+    factors = _grid(_table(table, "grid"), whole)
+    factors += [Factor("together", _together(_table(table, "together")))]
+    factors += [Factor("sample", _sample(_table(table, "sample"), whole))]
+    factors = [factor for factor in factors if factor.points]
+    number = math.prod(len(factor.points) for factor in factors)
     if number > MOST_RUNS:
         raise InputError(f"sweep: {number} points, must be at most {MOST_RUNS}; vary fewer parameters or values")
-    names = [name for factor in factors for name in factor[0]]
+    names = [name for factor in factors for name in factor.points[0]]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"sweep: {', '.join(twice)}: varied in more than one place, must be in one of them")
-    return [{k: v for part in parts for k, v in part.items()} for parts in itertools.product(*factors)]
+    return factors
 
 
 def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
@@ -80,10 +101,10 @@ def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return found
 
 
-def _grid(grid: Mapping[str, Any], whole: frozenset[str]) -> list[list[Point]]:
+def _grid(grid: Mapping[str, Any], whole: frozenset[str]) -> list[Factor]:
     """One factor for each parameter of the grid."""
     columns = {name: _values(f"sweep.grid.{name}", given, name in whole) for name, given in grid.items()}
-    return [[{name: value} for value in values] for name, values in columns.items()]
+    return [Factor(name, [{name: value} for value in values]) for name, values in columns.items()]
 
 
 def _values(key: str, given: Any, whole: bool) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from workflows.common.parameter_problems import as_written, nearest
 from workflows.common.parameter_types import members
 from workflows.common.parameters import Params, merge
 from workflows.common.toml_reader import read_toml
-from workflows.sweep.factors import MOST_RUNS, Point, points_of
+from workflows.sweep.factors import MOST_RUNS, Factor, Point, combined, factors_of
 
 KEYS = ("grid", "together", "sample", "replicas")
 
@@ -49,16 +50,21 @@ class SweepPlan:
     ----------
     experiment, module
         Name and module of the experiment.
-    varied
-        Names of the parameters that vary, in their order.
+    factors
+        What varies; replicas come last.
     runs
-        All runs; replicas of one point follow each other.
+        Every combination of the factors, of which the last varies fastest.
     """
 
     experiment: str
     module: ModuleType
-    varied: tuple[str, ...]
+    factors: tuple[Factor, ...]
     runs: tuple[PlannedRun, ...]
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of the parameters that vary, in their order."""
+        return tuple(name for factor in self.factors for name in factor.points[0])
 
 
 def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
@@ -67,7 +73,7 @@ def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
     Parameters
     ----------
     path
-        A TOML file as `--config` takes it, which names its experiment, with a table `[sweep]`: see `points_of`, and
+        A TOML file as `--config` takes it, which names its experiment, with a table `[sweep]`: see `factors_of`, and
         `replicas`, the number of runs of each point, with the seeds that follow `seed`.
     found
         Module of each experiment by its name.
@@ -87,25 +93,24 @@ def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
     fields = module.Params.model_fields
     whole = frozenset(name for name in fields if _is_whole(fields[name].annotation))
     try:
-        points = points_of(table, whole)
+        factors = factors_of(table, whole)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    replicas = table.get("replicas", 1)
-    if isinstance(replicas, bool) or not isinstance(replicas, int) or not 1 <= replicas <= MOST_RUNS // len(points):
-        raise InputError(
-            f"{path}: sweep.replicas = {shown(replicas)}: must be a whole number from 1 to {MOST_RUNS // len(points)}"
-        )
-    varied = tuple(points[0])
-    if replicas > 1:
-        if "seed" in varied:
-            raise InputError(f"{path}: sweep.replicas = {replicas}: gives the seeds, which vary already; remove one")
-        points, varied = _with_seeds(points, replicas, path, module, experiment, found), (*varied, "seed")
     others = {name: set(other.Params.model_fields) for name, other in found.items() if name != experiment}
+    replicas, most = table.get("replicas", 1), MOST_RUNS // math.prod(len(factor.points) for factor in factors)
+    if isinstance(replicas, bool) or not isinstance(replicas, int) or not 1 <= replicas <= most:
+        raise InputError(f"{path}: sweep.replicas = {shown(replicas)}: must be a whole number from 1 to {most}")
+    if replicas > 1:
+        if any("seed" in factor.points[0] for factor in factors):
+            raise InputError(f"{path}: sweep.replicas = {replicas}: gives the seeds, which vary already; remove one")
+        first = merge(module.Params, None, path, None, experiment, others).seed
+        factors.append(Factor("seed", [{"seed": first + r} for r in range(replicas)]))
+    points = combined(factors)
     width = len(str(len(points)))
     runs = [_planned(f"{i + 1:0{width}d}", point, path, module, experiment, others) for i, point in enumerate(points)]
     if all(run.params is None for run in runs):
         raise InputError(runs[0].refusal)
-    return SweepPlan(experiment, module, varied, tuple(runs))
+    return SweepPlan(experiment, module, tuple(factors), tuple(runs))
 
 
 def _read(path: Path, found: Mapping[str, ModuleType]) -> tuple[str, Mapping[str, Any]]:
@@ -130,15 +135,6 @@ def _read(path: Path, found: Mapping[str, ModuleType]) -> tuple[str, Mapping[str
         hint = nearest(unknown[0], KEYS)
         raise InputError(f"{path}: sweep.{as_written(unknown[0])}: unknown, must be one of {', '.join(KEYS)}.{hint}")
     return str(experiment), table
-
-
-def _with_seeds(
-    points: list[Point], replicas: int, path: Path, module: ModuleType, experiment: str, found: Mapping[str, ModuleType]
-) -> list[Point]:
-    """Every point with the seeds of its replicas."""
-    others = {name: set(other.Params.model_fields) for name, other in found.items() if name != experiment}
-    first = merge(module.Params, None, path, None, experiment, others).seed
-    return [point | {"seed": first + r} for point in points for r in range(replicas)]
 
 
 def _planned(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Mapping
@@ -59,7 +60,8 @@ def write_sweep(plan: SweepPlan, out: Path, ended: Mapping[str, Outcome], text: 
     title = f"Sweep of {len(rows)} runs of {plan.experiment}"
     summary = f"Varied: {', '.join(plan.varied) or 'nothing'}. One row per run, nan where it gave no result."
     attributes = lsm.file_attributes(title, summary, text, known.seed, math.nan, known.arch, known.precision)
-    attributes |= {"experiment": plan.experiment, "varied": " ".join(plan.varied)}
+    factors = [{"dim": f.dim, "names": list(f.points[0]), "size": len(f.points)} for f in plan.factors]
+    attributes |= {"experiment": plan.experiment, "factors": json.dumps(factors)}
     lsm.write_table(
         out / FILE,
         columns,
