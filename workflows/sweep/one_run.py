@@ -18,7 +18,7 @@ POLL_S = 0.2  # between two looks at the time and memory of a run
 LOCKED_S = 60.0  # for which a run waits for a former process in its folder to end
 LAST_WORDS_S = 60.0  # that a run has to write its files once it is asked to end
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-LOG = "log.txt"  # beside the parameters of a run: what its process printed
+HERE = Path(__file__).resolve().parents[2]
 COMPLETED, FAILED, KILLED = "complete", "failed", "killed"
 
 
@@ -96,13 +96,14 @@ def _run(words: list[str], log: Path, limits: Limits, began: float) -> tuple[int
     """(exit code, why the run was stopped, or "") of one process of `lsm`."""
     import psutil
 
+    path = (str(HERE), os.environ.get("PYTHONPATH"))  # the same version as here, wherever the worker was started
     with open(log, "wb") as output:
         process = subprocess.Popen(
             [sys.executable, "-m", "workflows.sweep.child", *words],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **ONE_THREAD},
+            env={**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(filter(None, path))},
         )
     why = ""
     try:

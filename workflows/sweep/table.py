@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import taichi_lsm as lsm
 from workflows.common.metrics import read_summary
-from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
+from workflows.common.parameter_coordinates import RENAMED, columns_of, parameter_coordinates
 from workflows.sweep.drive import folder_of
 from workflows.sweep.one_run import COMPLETED, Outcome
 from workflows.sweep.plan import PlannedRun, SweepPlan
@@ -60,7 +60,10 @@ def write_sweep(plan: SweepPlan, out: Path, ended: Mapping[str, Outcome], text: 
     title = f"Sweep of {len(rows)} runs of {plan.experiment}"
     summary = f"Varied: {', '.join(plan.varied) or 'nothing'}. One row per run, nan where it gave no result."
     attributes = lsm.file_attributes(title, summary, text, known.seed, math.nan, known.arch, known.precision)
-    factors = [{"dim": f.dim, "names": list(f.points[0]), "size": len(f.points)} for f in plan.factors]
+    factors = [
+        {"dim": RENAMED.get(f.dim, f.dim), "names": [RENAMED.get(n, n) for n in f.points[0]], "size": len(f.points)}
+        for f in plan.factors
+    ]
     attributes |= {"experiment": plan.experiment, "factors": json.dumps(factors)}
     lsm.write_table(
         out / FILE,
@@ -85,9 +88,9 @@ def _metrics(run: PlannedRun, out: Path, ended: Mapping[str, Outcome], taken: se
 
 def _value(run: PlannedRun, scalar: Any) -> Any:
     """The value of a parameter; of a run that was refused what the file asks for, where it varies."""
-    if run.params is not None or scalar.name not in run.point:
+    asked = {RENAMED.get(name, name): value for name, value in run.point.items()}.get(scalar.name)
+    if run.params is not None or asked is None:
         return scalar.value
-    asked = run.point[scalar.name]
     return asked if isinstance(asked, type(scalar.value)) else scalar.value
 
 
