@@ -28,12 +28,11 @@ from workflows.cli.execution import complain, problems_of
 from workflows.cli.exit_codes import CLOSED_PIPE, COMPLETE, FAILED
 from workflows.cli.options import workflow_command
 from workflows.cli.resume import resume
-from workflows.cli.sweep import sweep
+from workflows.cli.sweep import sweep_command
 from workflows.common import signals
 from workflows.common.former_names import renamed
 from workflows.common.parallel_runs import reason_of
 from workflows.common.parameters import nearest, option_name
-from workflows.sweep.one_run import Limits
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -174,34 +173,8 @@ def build_app(found: dict[str, ModuleType]) -> App:
         except InputError as error:
             return complain(problems_of(error))
 
-    def sweep_runs(
-        file: Annotated[Path, Parameter(name="FILE", help="TOML file of an experiment with a table [sweep]")],
-        /,
-        *,
-        out: Annotated[Path, Parameter(name="--out", help="folder to write, or that of this sweep, to go on")] = Path(
-            "out/sweep"
-        ),
-        jobs: Annotated[int, Parameter(name=["--jobs", "-j"], help="runs at a time on this machine [1]")] = 2,
-        scheduler: Annotated[
-            str | None, Parameter(name="--scheduler", help="address of a Dask scheduler, whose workers make the runs")
-        ] = None,
-        retries: Annotated[int, Parameter(name="--retries", help="times that a killed run is begun again [1]")] = 3,
-        time_limit: Annotated[float | None, Parameter(name="--time-limit", help="for each run [s]")] = None,
-        memory_limit: Annotated[float | None, Parameter(name="--memory-limit", help="for each run [GB]")] = None,
-        quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
-    ) -> int:
-        """Carry out many runs of one experiment, whose parameters vary as a file says; writes sweep.nc."""
-        whole = (("--jobs", jobs, 1), ("--retries", retries, 0))
-        given = (("--time-limit", time_limit), ("--memory-limit", memory_limit))
-        wrong = [f"{name} {value}: must be >= {least}." for name, value, least in whole if value < least]
-        wrong += [f"{name} {value:g}: must be > 0." for name, value in given if value is not None and not value > 0.0]
-        if wrong:
-            return complain(wrong)
-        limits = Limits(time_limit, None if memory_limit is None else 1e9 * memory_limit)
-        return sweep(found, file, out, scheduler, jobs, retries, limits, quiet)
-
     app.command(list_names, name="list", group=others_group)
-    app.command(sweep_runs, name="sweep", group=others_group)
+    app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(resume_run, name="resume", group=others_group)
     app.command(info, name="info", group=others_group)
     return app

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
+from typing import Annotated
+
+from cyclopts import Parameter
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
@@ -17,7 +20,7 @@ from workflows.common.parallel_runs import reason_of
 from workflows.common.run_folder import check_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.common.toml_writer import to_toml
-from workflows.sweep.drive import config_of, counts, drive, folder_of
+from workflows.sweep.drive import AGAIN, config_of, counts, drive, folder_of
 from workflows.sweep.one_run import COMPLETED, Limits, Outcome
 from workflows.sweep.plan import PlannedRun, SweepPlan, plan_of
 from workflows.sweep.table import write_sweep
@@ -25,17 +28,49 @@ from workflows.sweep.table import write_sweep
 COPY = "sweep.toml"  # the file of the sweep, in its folder: the same file goes on there
 
 
-def sweep(
-    found: Mapping[str, ModuleType],
-    file: Path,
-    out: Path,
-    scheduler: str | None,
-    jobs: int,
-    retries: int,
-    limits: Limits,
-    quiet: bool,
-) -> int:
-    """Carry out a sweep, or the rest of one that was stopped; returns the exit code.
+def sweep_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
+    """The command, for experiments by their name."""
+
+    def sweep(
+        file: Annotated[Path, Parameter(name="FILE", help="TOML file of an experiment with a table [sweep]")],
+        /,
+        *,
+        out: Annotated[Path, Parameter(name="--out", help="folder to write, or that of this sweep, to go on")] = Path(
+            "out/sweep"
+        ),
+        jobs: Annotated[int, Parameter(name=["--jobs", "-j"], help="runs at a time on this machine [1]")] = 2,
+        scheduler: Annotated[
+            str | None, Parameter(name="--scheduler", help="address of a Dask scheduler, whose workers make the runs")
+        ] = None,
+        retries: Annotated[int, Parameter(name="--retries", help="times that a killed run is begun again [1]")] = 3,
+        time_limit: Annotated[float | None, Parameter(name="--time-limit", help="for each run [s]")] = None,
+        memory_limit: Annotated[float | None, Parameter(name="--memory-limit", help="for each run [GB]")] = None,
+        quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
+    ) -> int:
+        """Carry out many runs of one experiment, whose parameters vary as a file says; writes sweep.nc."""
+        whole = (("--jobs", jobs, 1), ("--retries", retries, 0))
+        given = (("--time-limit", time_limit), ("--memory-limit", memory_limit))
+        wrong = [f"{name} {value}: must be >= {least}." for name, value, least in whole if value < least]
+        wrong += [f"{name} {value:g}: must be > 0." for name, value in given if value is not None and not value > 0.0]
+        if wrong:
+            return complain(wrong)
+        limits = Limits(time_limit, None if memory_limit is None else 1e9 * memory_limit)
+        try:
+            return Sweep(found, file, out, quiet).run(scheduler, jobs, retries, limits)
+        except InputError as error:
+            return complain([str(error)])
+        except (SimulationError, OSError) as error:
+            complain([reason_of(error)])
+            return FAILED
+        except signals.Interrupted:
+            complain([f"complete runs are kept; to go on: the same command, lsm sweep {file} --out {out}"])
+            raise
+
+    return sweep
+
+
+class Sweep:
+    """A sweep in its folder, or the rest of one that was stopped.
 
     Parameters
     ----------
@@ -43,56 +78,60 @@ def sweep(
         Module of each experiment by its name.
     file, out
         What runs are wanted, see `plan_of`; the folder of the sweep.
-    scheduler, jobs, retries, limits
-        See `drive`.
     quiet
         Print errors only.
+
+    Raises
+    ------
+    InputError
+        If the file or the folder cannot be used.
     """
-    watch = Stopwatch()
-    try:
-        plan = plan_of(file, found)
-        text = file.read_text(encoding="utf-8")
-        _require_folder(out, text)
-    except InputError as error:
-        return complain([str(error)])
-    out.mkdir(parents=True, exist_ok=True)
-    ended: dict[str, Outcome] = {}
 
-    def announce(what: str) -> None:
-        if not quiet:
-            print(f"sweep: {what}", flush=True)
+    def __init__(self, found: Mapping[str, ModuleType], file: Path, out: Path, quiet: bool) -> None:
+        self.watch, self.out, self.quiet = Stopwatch(), out, quiet
+        self.plan = plan_of(file, found)
+        self.text = file.read_text(encoding="utf-8")
+        self.ended: dict[str, Outcome] = {}
+        _require_folder(out, self.text)
 
-    def report(run: PlannedRun, status: str, outcome: Outcome) -> None:
-        ended[run.label] = outcome
-        varied = ", ".join(f"{name} {value}" for name, value in run.point.items())
-        why = f": {outcome.note.splitlines()[0]}" if outcome.note else ""
-        announce(f"{len(ended)}/{len(plan.runs)} run {run.label} ({varied}) {status}, {outcome.seconds:.0f} s{why}")
-
-    try:
+    def run(self, scheduler: str | None, jobs: int, retries: int, limits: Limits) -> int:
+        """Carry out what is left, see `drive`; returns the exit code."""
+        plan, out = self.plan, self.out
+        out.mkdir(parents=True, exist_ok=True)
         with lsm.locked(out):
-            (out / COPY).write_text(text, encoding="utf-8")
+            (out / COPY).write_text(self.text, encoding="utf-8")
             _write_configs(plan, out)
-            announce(f"{len(plan.runs)} runs of {plan.experiment}, in {out}")
+            self.announce(f"{len(plan.runs)} runs of {plan.experiment}, in {out}")
             status = "interrupted"
             try:
-                ended |= drive(plan, out, scheduler, jobs, retries, limits, report, announce)
+                self.ended |= drive(plan, out, scheduler, jobs, retries, limits, self.report, self.announce)
                 status = "complete"
             finally:
-                table = write_sweep(plan, out, ended, text, status)
-                number = counts(ended)
-                metrics = {name: Metric(count, "1") for name, count in {"runs": len(plan.runs), **number}.items()}
-                write_summary(out, "sweep", None, metrics | watch.metrics(), quiet=quiet, run_status=status)
-    except InputError as error:
-        return complain([str(error)])
-    except (SimulationError, OSError) as error:
-        complain([reason_of(error)])
-        return FAILED
-    except signals.Interrupted:
-        complain([f"complete runs are kept; to go on: the same command, lsm sweep {file} --out {out}"])
-        raise
-    ends = sorted(ended.items())
-    complain([f"run {label} {end.status}: {end.note}" for label, end in ends if end.status != COMPLETED])
-    return COMPLETE if bool((table.status == COMPLETED).any()) else FAILED
+                self.write(status)
+        ends = sorted(self.ended.items())
+        complain([f"run {label} {end.status}: {end.note}" for label, end in ends if end.status != COMPLETED])
+        return COMPLETE if any(end.status == COMPLETED for _, end in ends) else FAILED
+
+    def announce(self, what: str) -> None:
+        """Print a line."""
+        if not self.quiet:
+            print(f"sweep: {what}", flush=True)
+
+    def report(self, run: PlannedRun, status: str, outcome: Outcome) -> None:
+        """Take note of what became of a run, and tell it."""
+        if status != AGAIN:
+            self.ended[run.label] = outcome
+        varied = ", ".join(f"{name} {value}" for name, value in run.point.items())
+        why = f": {outcome.note.splitlines()[0]}" if outcome.note else ""
+        done = f"{len(self.ended)}/{len(self.plan.runs)}"
+        self.announce(f"{done} run {run.label} ({varied}) {status}, {outcome.seconds:.0f} s{why}")
+
+    def write(self, status: str) -> None:
+        """Write sweep.nc and summary.json."""
+        write_sweep(self.plan, self.out, self.ended, self.text, status)
+        numbers = {"runs": len(self.plan.runs), **counts(self.ended)}
+        metrics = {name: Metric(count, "1") for name, count in numbers.items()} | self.watch.metrics()
+        write_summary(self.out, "sweep", None, metrics, quiet=self.quiet, run_status=status)
 
 
 def _require_folder(out: Path, text: str) -> None:

@@ -15,6 +15,7 @@ from workflows.sweep.one_run import COMPLETED, FAILED, KILLED, Limits, Outcome, 
 from workflows.sweep.plan import PlannedRun, SweepPlan
 
 REFUSED = "refused"  # status of a run whose parameters contradict each other
+AGAIN = "begun again"  # of a run that was killed
 LOST_S = 600.0  # for which a scheduler that is gone is waited for
 
 Report = Callable[[PlannedRun, str, Outcome], None]  # takes a run, its status now and how it ended
@@ -120,7 +121,7 @@ def _carry_out_on(
         outcome = future.result() if future.status == "finished" else _of_error(future.exception())
         if outcome.status == KILLED and tries[run.label] < retries:
             tries[run.label] += 1
-            report(run, "again", outcome)
+            report(run, AGAIN, outcome)
             waiting.add(submit(run))
             continue
         ended[run.label] = Outcome(FAILED, outcome.note, outcome.seconds) if outcome.status == KILLED else outcome

@@ -33,7 +33,7 @@ def test_a_sweep_tells_of_every_run_and_repeats_only_what_failed(tmp_path, capsy
     assert main(command) == 0
     said = capsys.readouterr()
     assert "run 2 failed: diverged at step 7" in said.err and "run 3 failed: killed by SIGKILL" in said.err
-    assert said.out.count("again") == 2 and "6/6 run" in said.out
+    assert said.out.count("begun again") == 2 and "6/6 run" in said.out
     cube = lsm.open_sweep(out)
     assert cube.status.dims == ("target_normal_stress", "act") and cube.target_normal_stress.values.tolist() == [
         1e3,
@@ -59,6 +59,7 @@ def config(tmp_path, **values):
     return "toy-run", str(tmp_path / "run.toml"), str(tmp_path / "run")
 
 
+@pytest.mark.validate  # waits
 def test_a_run_that_takes_too_long_or_too_much_is_stopped_and_may_write_its_files(tmp_path):
     outcome = carry_out(*config(tmp_path, act="wait"), Limits(seconds=3.0))
     assert outcome.status == FAILED and outcome.note == "it ran for more than 3 s, the limit"
@@ -70,6 +71,7 @@ def test_a_run_that_takes_too_much_memory_is_stopped(tmp_path):
     assert outcome.status == FAILED and "GB of memory, the limit is 0.001 GB" in outcome.note
 
 
+@pytest.mark.validate  # as in the sweep above
 def test_a_run_that_is_killed_is_told_apart_from_one_that_fails(tmp_path):
     assert carry_out(*config(tmp_path, act="kill"), Limits()).status == KILLED
 
