@@ -106,7 +106,7 @@ def _differences(there: Any, fresh: Any, free: bool) -> list[str]:
     if at is None:
         return []
     place = f"{name}[{', '.join(map(str, at))}]" if at else name
-    return [f"{place} is {old[at]}, not {new[at]}"]
+    return [f"{place} is {shown(str(old[at]))[1:-1]}, not {shown(str(new[at]))[1:-1]}"]
 
 
 def _first_difference(old: npt.NDArray, new: npt.NDArray) -> tuple[int, ...] | None:

@@ -157,7 +157,7 @@ def test_errors_and_intervals_follow_from_the_replicas(compared):
     assert metrics["energy_residual_max"]["value"] == pytest.approx(float(table.energy_residual.max()))
     assert metrics["energy_residual_max"]["holds"] is True
     assert metrics["seconds"]["value"] > 0
-    assert set(compare_shapes.WORST.values()) <= set(shear_gouge.BOUNDS)
+    assert all(f"{name}_max" in metrics for name in shear_gouge.BOUNDS)
 
 
 @pytest.mark.validate
@@ -220,7 +220,7 @@ def test_a_failed_run_costs_only_itself(compared, tmp_path, monkeypatch, survivo
 def test_an_interrupted_comparison_keeps_its_complete_runs(compared, tmp_path, monkeypatch):
     done, table, _ = compared
 
-    def interrupted(jobs, at_a_time, progress):
+    def interrupted(jobs, at_a_time, progress, resume):
         shutil.copytree(done / "runs/round-2", tmp_path / "runs/round-2")
         raise signals.Interrupted(signal.SIGTERM)
 

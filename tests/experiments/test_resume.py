@@ -32,7 +32,7 @@ SMALLEST = {
 }
 # Report at which each is stopped: the so many-th that it makes, or, of those in parts, that a part has ended.
 STOPS = {"shear-gouge": 8, "compare-shapes": 3, "accuracy-cost": 2}
-TIMED = {"seconds", "cost", "relative"}  # variables that no two runs share
+TIMED = {"seconds", "cost", "relative_cost"}  # variables that no two runs share
 WORKFLOWS = find_workflows()
 
 
