@@ -103,12 +103,12 @@ def run_until_complete(
     begin: list[str], folder: Path, reference: Path, count: Count, after: Callable[[], float]
 ) -> None:
     """Begin a run, kill it, resume it, until it is complete or a problem is found; `after` draws the times [s]."""
-    words, found = begin, len(count.problems)
+    words, found, patience = begin, len(count.problems), 1.0
     while len(count.problems) == found:
         began = time.time()
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
-            _, errors = process.communicate(timeout=after())
+            _, errors = process.communicate(timeout=patience * after())
         except subprocess.TimeoutExpired:
             process.kill()
             killed_at = time.time()
@@ -117,6 +117,8 @@ def run_until_complete(
             lost = killed_at - max(kept_at, began)  # of what this process has done
             count.kills, count.lost_most = count.kills + 1, max(count.lost_most, lost)
             count.problems += problems
+            # On a machine that has become busier a process may never come to its first checkpoint.
+            patience = 1.0 if kept_at > began else 1.3 * patience
             words = command("resume", str(folder)) if (folder / "config.toml").exists() else begin
             continue
         ended = process.returncode == 0
