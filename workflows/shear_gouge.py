@@ -30,7 +30,7 @@ from workflows.common.run_folder import (
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
-from workflows.gouge.layer_cost import layer_cost
+from workflows.gouge.layer_cost import layer_cost, start_seconds
 from workflows.gouge.layer_metrics import BOUNDS, REMEDIES, analyse
 from workflows.gouge.layer_scene import build, effects_of, shear_drive
 from workflows.gouge.layer_schedule import SHEAR, layer_schedule
@@ -158,7 +158,7 @@ def _simulate(
 ) -> xarray.Dataset:
     """The run in its folder."""
     if progress:
-        progress({"stage": "compiling"})
+        progress({"stage": f"compiling, up to {start_seconds(params):.0f} s the first time"})
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
     layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
     sim.keep_checkpoints(out, seconds=np.inf)  # by the run loop, which knows when
@@ -203,6 +203,8 @@ def _conclude(params: Params, out: Path, progress: Progress | None, watch: Stopw
     dataset = lsm.open_run(out / "run.nc")
     metrics = analyse(dataset, params)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: too few rows")
+    if progress:
+        progress({"stage": "drawing the picture"})
     run_plots.plot_run(out, params.format)
     metrics |= watch.metrics()
     write_summary(out, NAME, params.preset_name, metrics, quiet=progress is None)

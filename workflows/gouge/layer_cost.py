@@ -30,6 +30,11 @@ def price_of(shape: str, dim: int) -> dict[str, float]:
     return next(row for row in rows if (row["shape"], row["dim"]) == (shape, dim))
 
 
+def start_seconds(params: Params) -> float:
+    """Measured time of the start of such a layer [s], most of which is compiling; it cannot be interrupted to tell."""
+    return price_of("angular" if params.shape == "angular" else "round", params.dim)["start_seconds"]
+
+
 def layer_cost(params: Params) -> RunCost:
     """Expected steps, time and memory of one run of a layer; the time is that of a first run, which compiles."""
     p, shape = params, "angular" if params.shape == "angular" else "round"
