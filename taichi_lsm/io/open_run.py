@@ -48,6 +48,7 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
         with opened_netcdf(path) as file:
             dataset = xarray.open_dataset(NetCDF4DataStore(file)).load()
             dataset.set_close(None)  # the file is closed here
+        dataset.encoding["source"] = str(path.absolute())
         if "stage" in dataset.coords and dataset.stage.dims == ("time",):
             dataset = dataset.set_xindex("stage")
     except Exception as error:  # attributes of other types are errors of any kind in xarray
