@@ -1,11 +1,10 @@
 """Opens the table of a sweep as a cube."""
 
 import json
+import math
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from ..core.errors import InputError
 from .open_run import open_run
@@ -40,7 +39,7 @@ def open_sweep(path: str | PathLike[str]) -> "Dataset":
     try:
         factors = [(f["dim"], list(f["names"]), int(f["size"])) for f in json.loads(table.attrs["factors"])]
         sizes = {dim: size for dim, _, size in factors}
-        if int(np.prod([*sizes.values()], dtype=np.int64)) != table.sizes["run"] or len(sizes) < len(factors):
+        if math.prod(sizes.values()) != table.sizes["run"] or len(sizes) < len(factors):
             raise ValueError("another number of runs")
         return _cube(table, factors, sizes)
     except (KeyError, TypeError, ValueError) as error:

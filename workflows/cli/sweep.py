@@ -104,7 +104,7 @@ class Sweep:
             self.announce(f"{len(plan.runs)} runs of {plan.experiment}, in {out}")
             status = "interrupted"
             try:
-                self.ended |= drive(plan, out, scheduler, jobs, retries, limits, self.report, self.announce)
+                drive(plan, out, scheduler, jobs, retries, limits, self.report, self.announce)
                 status = "complete"
             finally:
                 self.write(status)

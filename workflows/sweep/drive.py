@@ -40,8 +40,8 @@ def drive(
     limits: Limits,
     report: Report,
     announce: Callable[[str], None],
-) -> dict[str, Outcome]:
-    """Carry out all runs that are not complete; returns how each ended, by label.
+) -> None:
+    """Carry out all runs that are not complete; `report` is told how each ended.
 
     Parameters
     ----------
@@ -75,14 +75,12 @@ def drive(
             with client_of(scheduler, jobs) as client:
                 announce(f"progress of the workers: {client.dashboard_link}")
                 _carry_out_on(client, plan, out, retries, limits, report, ended)
-                return ended
         except (OSError, asyncio.CancelledError, _SchedulerLost) as error:  # the scheduler has gone away
             lost_at = time.monotonic() if lost_at is None or len(ended) > before else lost_at
             if scheduler is None or time.monotonic() - lost_at > LOST_S:
                 raise SimulationError(f"the scheduler is lost: {error}; repeat the command to go on") from error
             announce(f"the scheduler {scheduler} is lost, waiting for it")
             time.sleep(2.0)
-    return ended
 
 
 class _SchedulerLost(RuntimeError):

@@ -7,17 +7,17 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from workflows.cli.exit_codes import BAD_INPUT, COMPLETE
-from workflows.common.parameter_files import CONFIG
-from workflows.common.run_folder import is_complete
+from workflows.common.parallel_runs import ONE_THREAD
+from workflows.common.run_folder import is_begun, is_complete
 
 POLL_S = 0.2  # between two looks at the time and memory of a run
 LOCKED_S = 60.0  # for which a run waits for a former process in its folder to end
 LAST_WORDS_S = 60.0  # that a run has to write its files once it is asked to end
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 HERE = Path(__file__).resolve().parents[2]
 COMPLETED, FAILED, KILLED = "complete", "failed", "killed"
 
@@ -74,8 +74,7 @@ def carry_out(experiment: str, config: str, out: str, limits: Limits) -> Outcome
     began, folder, log = time.monotonic(), Path(out), Path(config).with_suffix(".log")
     if is_complete(folder):
         return Outcome(COMPLETED, "", 0.0)
-    resumes = (folder / CONFIG).is_file()
-    words = ["resume", out] if resumes else [experiment, "--config", config, "--out", out, "--yes"]
+    words = ["resume", out] if is_begun(folder) else [experiment, "--config", config, "--out", out, "--yes"]
     while True:
         code, stopped = _run([*words, "--quiet"], log, limits, began)
         told = _last_line(log)
@@ -94,8 +93,6 @@ def carry_out(experiment: str, config: str, out: str, limits: Limits) -> Outcome
 
 def _run(words: list[str], log: Path, limits: Limits, began: float) -> tuple[int, str]:
     """(exit code, why the run was stopped, or "") of one process of `lsm`."""
-    import psutil
-
     path = (str(HERE), os.environ.get("PYTHONPATH"))  # the same version as here, wherever the worker was started
     with open(log, "wb") as output:
         process = subprocess.Popen(
@@ -112,10 +109,7 @@ def _run(words: list[str], log: Path, limits: Limits, began: float) -> tuple[int
             if limits.seconds is not None and time.monotonic() - began > limits.seconds:
                 why = f"it ran for more than {limits.seconds:g} s, the limit"
             elif limits.memory is not None and process.poll() is None:
-                try:
-                    used = psutil.Process(process.pid).memory_info().rss
-                except psutil.Error:  # it has just ended
-                    used = 0
+                used = _memory_of(process.pid)
                 if used > limits.memory:
                     why = f"it took {used / 1e9:.3g} GB of memory, the limit is {limits.memory / 1e9:.3g} GB"
     finally:
@@ -128,6 +122,19 @@ def _run(words: list[str], log: Path, limits: Limits, began: float) -> tuple[int
         if process.stdin:
             process.stdin.close()
     return process.wait(), why
+
+
+def _memory_of(pid: int) -> int:
+    """Resident memory of a process and of those that it has started [bytes]; 0 once it has ended."""
+    import psutil
+
+    used = 0
+    with suppress(psutil.Error):
+        process = psutil.Process(pid)
+        for one in (process, *process.children(recursive=True)):
+            with suppress(psutil.Error):  # it has just ended
+                used += one.memory_info().rss
+    return used
 
 
 def _last_line(log: Path) -> str:
