@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.allocation import read
+
 
 def fragments(sim: Any) -> NDArray:
     """Fragment of every grain: grains that intact bonds join, directly or through others, belong together.
@@ -25,6 +27,6 @@ def fragments(sim: Any) -> NDArray:
     count = len(sim)
     if sim.bonds is None:
         return np.arange(count)
-    pairs = sim.scene.bonds[sim.bonds.intact.to_numpy() == 1]
+    pairs = sim.scene.bonds[read(sim.bonds.intact) == 1]
     links = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
     return connected_components(links, directed=False)[1]

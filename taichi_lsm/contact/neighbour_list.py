@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from ..core.allocation import read, write
 from ..core.runtime import ti
 from .pair_storage import Pairs
 
@@ -125,8 +126,5 @@ def grown(pairs: Pairs, capacity: int) -> Pairs:
     """
     larger = Pairs(pairs.spec, pairs.row_start.shape[0] - 1, capacity)
     for name in ["row_start"] + [v.name for v in pairs.variables]:
-        raw = getattr(larger, name).to_numpy()
-        small = getattr(pairs, name).to_numpy()
-        raw[: len(small)] = small
-        getattr(larger, name).from_numpy(raw)
+        write(getattr(larger, name), read(getattr(pairs, name)))
     return larger

@@ -227,8 +227,8 @@ class NeighbourSearch:
     def sort_grains(self) -> None:
         """Order the slots along a Z-shaped curve of the cells: neighbours in space become neighbours in memory."""
         g = self.grains
-        x = g.position.to_numpy()[: len(g)]
-        inverse = self.grid.inverse_width.to_numpy()
+        x = read(g.position, len(g))
+        inverse = read(self.grid.inverse_width)
         cell = np.floor(x * inverse).astype(np.int64)
         for axis in range(self.dim):
             if self.domain.periodic[axis]:

@@ -1,19 +1,20 @@
-"""When the fields of a simulation are allocated, and how values get into them.
+"""When the fields of a simulation are allocated, and how values get into them and out again.
 
-Taichi compiles a kernel for every field that Python writes to, and one more for every number of a small field. With
-thirty fields that takes longer than the kernels of a step. Here the values of many fields are collected and written by
-one kernel, to which the field is an argument; what is written to the same fields later is written by it as well.
+Taichi compiles a kernel for every field that Python writes or reads, and one more for every number of a small field.
+With thirty fields that takes longer than the kernels of a step. Here the values of many fields are collected and
+written by one kernel, to which the field is an argument; what is written to the same fields later is written by it as
+well, and a second kernel reads any of them.
 """
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .errors import InputError
-from .field_writer import FieldWriter
+from .field_copies import NUMPY_TYPES, FieldCopies
 from .runtime import ti
 
 MOST_NODES = 1024  # of a process, all fields together; fixed in Taichi
@@ -78,9 +79,7 @@ def writing_together() -> Iterator[None]:
         collected = _collected
     finally:
         _collected = None
-    new = [field for field, _ in collected.values() if not hasattr(field, "host_writer")]
-    if new:
-        FieldWriter(new)
+    share_kernels(field for field, _ in collected.values())
     for field, values in collected.values():
         _write_now(field, values)
 
@@ -111,14 +110,33 @@ def write(field: Any, values: npt.ArrayLike) -> None:
         _collected[id(field)] = (field, np.concatenate([flat, before[flat.size :]]))
 
 
-def read(field: Any) -> npt.NDArray:
-    """All rows of a Taichi field, also where their values are only collected yet."""
-    if _collected is None or id(field) not in _collected:
-        return field.to_numpy()
-    flat = _collected[id(field)][1]
-    raw = field.to_numpy() if flat.size < _numbers(field) else np.empty((*field.shape, *_width(field)))
-    raw.reshape(-1)[: flat.size] = flat
-    return raw
+def read(field: Any, rows: int | None = None) -> npt.NDArray:
+    """The first rows of a Taichi field along its first axis, or all, also where their values are only collected yet.
+
+    Returns
+    -------
+    ndarray
+        (rows, ...) of the type of the field.
+    """
+    shape = (*field.shape, *_width(field)) if rows is None else (rows, *row_shape(field))
+    size, collected = int(np.prod(shape)), np.empty(0)
+    if _collected is not None and id(field) in _collected:
+        collected = _collected[id(field)][1][:size]
+    if collected.size == size:  # 0 if there are no rows
+        flat = collected.copy()
+    else:
+        share_kernels([field])
+        flat, (copies, number) = np.empty(size), field.host_copies
+        copies.read(number, size // int(np.prod(_width(field))), flat)
+        flat[: collected.size] = collected
+    return flat.reshape(shape).astype(NUMPY_TYPES[field.dtype], copy=False)
+
+
+def share_kernels(fields: Iterable[Any]) -> None:
+    """Let those of these fields that no kernel writes or reads yet be written by one kernel, and read by another."""
+    new = [field for field in fields if not hasattr(field, "host_copies")]
+    if new:
+        FieldCopies(new)
 
 
 def _numbers(field: Any) -> int:
@@ -126,14 +144,19 @@ def _numbers(field: Any) -> int:
     return int(np.prod((*field.shape, *_width(field))))
 
 
+def row_shape(field: Any) -> tuple[int, ...]:
+    """Shape of one of the rows along the first axis of a field: () for a scalar field of one axis."""
+    return (*field.shape[1:], *_width(field))
+
+
 def _width(field: Any) -> tuple[int, ...]:
-    """Components of a row: () for a scalar field."""
+    """Components of an element: () for a scalar field."""
     return (field.n,) if isinstance(field, ti.MatrixField) else ()
 
 
 def _write_now(field: Any, flat: npt.NDArray) -> None:
     """Write by the kernel that knows the field, which is made for it alone if there is none."""
-    if not hasattr(field, "host_writer"):
-        FieldWriter([field])
-    writer, number = field.host_writer
-    writer.copy(number, flat.size // int(np.prod(_width(field))), flat)
+    share_kernels([field])
+    copies, number = field.host_copies
+    if flat.size:
+        copies.write(number, flat.size // int(np.prod(_width(field))), flat)

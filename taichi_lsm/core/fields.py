@@ -12,7 +12,6 @@ from .errors import InputError
 from .runtime import current, ti
 from .schema import Variable
 
-NUMPY_TYPES = {ti.f64: np.float64, ti.f32: np.float32, ti.i32: np.int32, ti.i8: np.int8}
 MANY_ROWS = 200_000  # from here on a capacity is rounded more finely
 
 

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from ..boundaries.periodic_cell import SHEAR_ROWS
 from ..boundaries.plane_walls import WALL_ROWS
 from ..contact.neighbour_list import grown
+from ..core.allocation import read, row_shape, share_kernels, write
 from ..core.atomic_netcdf import write_atomically
 from ..core.errors import InputError, finite, reason
 from ..core.netcdf_input import opened_netcdf
@@ -169,21 +170,19 @@ def _resume(sim: "Simulation") -> None:
         sim.walls.mark_all()
     if sim.spec.sheared:
         domain = sim.domain
-        rate, widest, strain = (float(row.to_numpy()[0]) for row in (domain.shear_rate, domain.widest, domain.strain))
+        rate, widest, strain = (float(read(row)[0]) for row in (domain.shear_rate, domain.widest, domain.strain))
         domain.set_shear(rate, widest, strain)
     grains = sim.grains
-    grains.set_order(grains.id.to_numpy()[: len(grains)])
+    grains.set_order(read(grains.id, len(grains)))
     sim.neighbours.transpose_only()
 
 
 def _tables(sim: "Simulation") -> list[tuple[str, Sequence[Variable], Any, int]]:
     """(group, schema rows, object that holds the fields, rows in use) of everything that is saved."""
-    count = len(sim.grains)
-    pairs = int(sim.pairs.row_start.to_numpy()[count])
-    tables = [
+    count, pairs = len(sim.grains), sim.pairs
+    tables: list[tuple[str, Sequence[Variable], Any, int]] = [
         ("grains", list(sim.grains.variables.values()), sim.grains, count),
-        ("list", LIST_ROWS, sim.pairs, count + 1),
-        ("pairs", sim.pairs.variables, sim.pairs, pairs),
+        ("list", LIST_ROWS, pairs, count + 1),
     ]
     if sim.bonds:
         tables.append(("bonds", sim.bonds.variables, sim.bonds, sim.bonds.count))
@@ -195,7 +194,10 @@ def _tables(sim: "Simulation") -> list[tuple[str, Sequence[Variable], Any, int]]
     if sim.walls:
         tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
         tables.append(("wall_contacts", sim.walls.rows, sim.walls, sim.walls.count * count))
-    return tables
+    saved = [(owner, row.name) for _, rows, owner, _ in tables for row in rows if row.restart]
+    saved += [(pairs, row.name) for row in pairs.variables if row.restart]
+    share_kernels(getattr(owner, name) for owner, name in saved)
+    return [*tables, ("pairs", pairs.variables, pairs, int(read(pairs.row_start, count + 1)[count]))]
 
 
 def _identity(sim: "Simulation") -> dict[str, Any]:
@@ -237,7 +239,7 @@ def _write(group: netCDF4.Group, rows: Sequence[Variable], owner: Any, count: in
     for row in rows:
         if not row.restart:
             continue
-        values = getattr(owner, row.name).to_numpy()[:count]
+        values = read(getattr(owner, row.name), count)
         dims = ["row"]
         for axis, size in enumerate(values.shape[1:]):
             dims.append(f"{row.name}_{axis}")
@@ -352,7 +354,7 @@ def _require_shapes(sim: "Simulation", path: Path, tables: dict[str, dict[str, n
         raise InputError(f"checkpoint {path}: row_start ends at {used}, must be 0..{capacity}, {EXPECTED}")
     for group, rows, owner, count in _tables(sim):
         for name, values in tables[group].items():
-            shape = (used if group == "pairs" else count, *getattr(owner, name).to_numpy().shape[1:])
+            shape = (used if group == "pairs" else count, *row_shape(getattr(owner, name)))
             if values.shape != shape:
                 raise InputError(f"checkpoint {path}: {name} has shape {values.shape}, must be {shape}, {EXPECTED}")
 
@@ -361,7 +363,4 @@ def _fill(table: dict[str, npt.NDArray], rows: Sequence[Variable], owner: Any) -
     """Put the saved values into the first rows of the fields."""
     for row in rows:
         if row.restart:
-            field = getattr(owner, row.name)
-            raw, values = field.to_numpy(), table[row.name]
-            raw[: len(values)] = values
-            field.from_numpy(raw)
+            write(getattr(owner, row.name), table[row.name])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
+from ..core.allocation import read
 from ..core.errors import SimulationError
 from ..core.schema import Variable
 from ..measure.layer_rows import layer_rows
@@ -134,7 +135,7 @@ class LayerRecorder:
         if self.sim.spec.oriented:
             arrays["orientation"] = _quaternions(state.orientation.to_numpy())
         if self.sim.spec.bonds > 0:
-            arrays["bond_intact"] = self.sim.bonds.intact.to_numpy()
+            arrays["bond_intact"] = read(self.sim.bonds.intact)
         self.grains.append(time, arrays)
 
     def _snapshot_of_stop(self) -> None:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..contact.pair_storage import ACTING, PART_BASE, SLIDING, TOUCHING
+from ..core.allocation import read
 from ..core.rotation import rotate
 from ..core.runtime import ti
 from ..core.schema import Variable
@@ -43,12 +44,12 @@ class ContactTable:
     def count(self) -> int:
         """Number of rows: contacts of grains with grains and with walls, and intact bonds."""
         n, acting = len(self.grains), TOUCHING | ACTING
-        listed = int(self.pairs.row_start.to_numpy()[n])
-        total = np.count_nonzero(self.pairs.status.to_numpy()[:listed] & acting)
+        listed = int(read(self.pairs.row_start, n + 1)[n])
+        total = np.count_nonzero(read(self.pairs.status, listed) & acting)
         if self.spec.walls > 0:
-            total += np.count_nonzero(self.walls.row_status.to_numpy()[: n * self.walls.count] & acting)
+            total += np.count_nonzero(read(self.walls.row_status, n * self.walls.count) & acting)
         if self.spec.bonds > 0:
-            total += np.count_nonzero(self.bonds.intact.to_numpy())
+            total += np.count_nonzero(read(self.bonds.intact))
         return int(total)
 
     def rows(self) -> dict[str, np.ndarray]:

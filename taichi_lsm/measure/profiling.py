@@ -3,6 +3,7 @@
 import time
 from typing import TYPE_CHECKING
 
+from ..core.allocation import read, write
 from ..core.errors import InputError
 from ..core.runtime import ti
 
@@ -61,7 +62,7 @@ class StageTimer:
             (self.forces.pairs, ("pair_force", "pair_torque", "history")),
         )
         loads = [getattr(table, name) for table, names in tables for name in names if hasattr(table, name)]
-        kept = [field.to_numpy() for field in loads]
+        kept = [read(field) for field in loads]
         stages = {
             "contacts": self.contacts,  # first: it clears impulses, which every drift would apply once more
             "gather, integrate": self.drift,
@@ -77,7 +78,7 @@ class StageTimer:
                     taken[name].append((time.perf_counter() - began) / REPEATS)
         self.integrator.dt[None] = dt
         for field, values in zip(loads, kept, strict=True):
-            field.from_numpy(values)
+            write(field, values)
         return {name: sorted(values)[TURNS // 2] for name, values in taken.items()}
 
 
@@ -117,7 +118,7 @@ def runtime_profile(sim: "Simulation") -> list[tuple[str, float, float]]:
 
 def runtime_profile_text(sim: "Simulation") -> str:
     """`runtime_profile` as a table, with the sizes that explain it: grains, steps, rebuilds, pairs, bytes of a pair."""
-    pairs = int(sim.pairs.row_start.to_numpy()[len(sim)])
+    pairs = int(read(sim.pairs.row_start, len(sim) + 1)[len(sim)])
     lines = [
         f"{len(sim)} grains, {sim.step} steps, a new neighbour list every {sim.step / max(1, sim.rebuilds):.0f} steps, "
         f"{pairs / len(sim):.2f} listed pairs per grain of {sim.pairs.bytes_per_pair()} bytes",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..contact.pair_storage import TOUCHING
+from ..core.allocation import read, write
 from ..core.errors import InputError
 from ..core.rotation import advanced_orientation, free_rotor
 from ..core.runtime import ti
@@ -92,12 +93,12 @@ class ShadowEnergy:
         """What to add to the energy [J]. Leaves the simulation as it was, the features of its contacts included."""
         dt = float(self.integrator.dt[None])
         h = FLIGHT * dt
-        memory = {n: getattr(self.pairs, n).to_numpy() for n in ("feature", "normal") if hasattr(self.pairs, n)}
+        memory = {n: read(getattr(self.pairs, n)) for n in ("feature", "normal") if hasattr(self.pairs, n)}
         self.kinetic_terms()
         for time, weight in ((h, 1.0), (-h, 1.0), (0.0, -2.0)):
             self.fly(time)
             self.add_elastic(weight / (12.0 * h * h))
         for name, values in memory.items():
-            getattr(self.pairs, name).from_numpy(values)
-        terms = self.term.to_numpy()[self.grains.slot_of.to_numpy()[: len(self.grains)]]
+            write(getattr(self.pairs, name), values)
+        terms = read(self.term)[self.grains.slots]
         return float(np.add.accumulate(terms)[-1]) * dt**2

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.allocation import read, when_allocated, write
-from ..core.fields import NUMPY_TYPES, allocate, orientation_size, rotation_size, rounded_capacity
+from ..core.field_copies import NUMPY_TYPES
+from ..core.fields import allocate, orientation_size, rotation_size, rounded_capacity
 from ..core.runtime import ti
 from ..core.schema import Variable
 
@@ -143,11 +144,10 @@ class Grains:
     def reorder(self, order: NDArray) -> None:
         """Move the grain of slot order[s] to slot s, in every row. Results do not depend on the order."""
         # Rows beyond the grains in use stay as they are.
-        ids = self.id.to_numpy()[: len(self)][order]
+        ids = read(self.id, len(self))[order]
         for name in self.variables:
-            raw = getattr(self, name).to_numpy()
-            raw[: len(self)] = raw[order]
-            write(getattr(self, name), raw)
+            field = getattr(self, name)
+            write(field, read(field, len(self))[order])
         self.set_order(ids)
         previous = np.arange(self.slot_of.shape[0], dtype=np.int32)
         previous[: len(self)] = order

@@ -34,7 +34,14 @@ def first(name):
 def test_first_values_arrive_in_every_kind_of_field_by_one_kernel(fields):
     for name, field in fields.items():
         assert np.array_equal(field.to_numpy(), first(name)), name
-    assert len({id(field.host_writer[0]) for field in fields.values()}) == 1
+    assert len({id(field.host_copies[0]) for field in fields.values()}) == 1
+
+
+@pytest.mark.parametrize(("name", "rows"), [("number", None), ("row", 3), ("vectors", 2), ("table", 2), ("bytes", 0)])
+def test_the_first_rows_of_every_kind_of_field_are_read(fields, name, rows):
+    values = read(fields[name], rows)
+    expected = fields[name].to_numpy() if rows is None else fields[name].to_numpy()[:rows]
+    assert values.dtype == expected.dtype and np.array_equal(values, expected)
 
 
 def test_rows_that_are_not_given_keep_what_they_hold(fields):
