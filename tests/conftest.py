@@ -25,11 +25,15 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
+import hypothesis
 import pytest
 from _pytest.runner import runtestprotocol
 
 import taichi_lsm as lsm
 from tests.helpers import scenes
+
+hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine fails no test
+hypothesis.settings.load_profile("untimed")
 
 MOST_NODES = 1024
 FULL = 800  # nodes in use after which a child begins no further test

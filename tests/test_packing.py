@@ -38,7 +38,7 @@ def test_diameters():
     length=st.floats(2.0, 12.0),
     width=st.floats(2.0, 4.0),
 )
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100, derandomize=True)
 def test_loose_packing_has_no_overlap(seed, count, dim, ratio, length, width):
     rng = np.random.default_rng(seed)
     radii = rng.uniform(1.0, ratio, count)

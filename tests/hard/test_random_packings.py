@@ -12,7 +12,7 @@ BOUND = 5e-3  # the ripple of Verlet inside contacts
 
 @pytest.mark.parametrize("kind", ["discs", pytest.param("angular", marks=pytest.mark.validate)])
 def test_energy_never_grows_in_any_scene(bench, kind):
-    @settings(max_examples=12, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=12, derandomize=True, database=None)
     @given(st.integers(0, 2**32 - 1))
     def of_seed(seed):
         assert growth(bench.simulate(MAKERS[kind](seed)), 4000) <= BOUND

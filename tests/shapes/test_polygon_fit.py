@@ -235,7 +235,7 @@ def test_narrow_side_arcs_approach_the_rounded_square():
 
 
 @given(seed=st.integers(0, 10**6), points=st.integers(3, 14), share=st.floats(0.02, 0.98), arcs=st.integers(1, 4))
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 def test_any_convex_polygon(seed, points, share, arcs):
     polygon = random_polygon(seed, points)
     inscribed = inscribed_radius(polygon)
