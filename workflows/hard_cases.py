@@ -147,14 +147,20 @@ def analyse(rows: Rows) -> dict[str, Metric]:
     names = dict.fromkeys(row["case"] for row in rows)
     states = {name: {STATUS[row["status"]] for row in rows if row["case"] == name} for name in names}
     failed = sum("failed" in s for s in states.values())
-    judged = [row for row in rows if STATUS[row["status"]] != "excepted"]
     return {
         "cases": Metric(len(names), "1"),
         "passed": Metric(sum("failed" not in s for s in states.values()), "1"),
         "failed": Metric(failed, "1", 0, failed == 0, remedy="hard_cases.md says which cases failed and by how much"),
         "excepted": Metric(sum("excepted" in s for s in states.values()), "1"),
-        "least_margin": Metric(min(row["margin"] for row in judged), "1"),
+        "least_margin": _least_margin([row for row in rows if STATUS[row["status"]] != "excepted"]),
     }
+
+
+def _least_margin(judged: Rows) -> Metric:
+    """The least bound over value, of the case that comes nearest to its bound."""
+    tightest = min(judged, key=lambda row: row["margin"])
+    note = f"bound over value of the tightest case: {tightest['title']} ({tightest['precision']})"
+    return Metric(tightest["margin"], "1", note=note)
 
 
 def table_text(rows: Rows) -> str:
@@ -177,13 +183,13 @@ def table_text(rows: Rows) -> str:
 
 
 def plain_lines(rows: Rows) -> Iterator[str]:
-    """A header, and one line for a case in one precision: title, value, bound, verdict."""
+    """A header, and one line for a case in one precision: title, value, bound, verdict, and what is measured."""
     widest = max(len(row["title"]) for row in rows)
-    yield f"{'case':{widest}}  in   {'value':>9}    {'bound':9} verdict"
+    yield f"{'case':{widest}}  in   {'value':>9}    {'bound':9} {'verdict':8}  measured [unit]"
     for row in rows:
-        numbers = f"{row['value']:9.3g} <= {row['bound']:<9.3g}"
-        line = f"{row['title']:{widest}}  {row['precision']}  {numbers} {STATUS[row['status']]}  {row['reason']}"
-        yield line.rstrip()
+        numbers = f"{row['value']:9.3g} <= {row['bound']:<9.3g} {STATUS[row['status']]:8}"
+        reason = f": {row['reason']}" if row["reason"] else ""
+        yield f"{row['title']:{widest}}  {row['precision']}  {numbers}  {row['measure']} [{row['unit']}]{reason}"
 
 
 def _outcome(row):

@@ -48,6 +48,7 @@ def test_cases_are_counted_once_and_one_failure_fails_a_case():
         "excepted": 1,
     }
     assert metrics["failed"].holds and metrics["least_margin"].value == pytest.approx(2.0 / 1.5)
+    assert metrics["least_margin"].note.startswith("bound over value of the tightest case: ")
     worse = [*ROWS[:1], row("good", "f32", 3.0, "failed"), *ROWS[2:]]
     metrics = hard_cases.analyse(worse)
     assert metrics["failed"].value == 1 and metrics["passed"].value == 1 and not metrics["failed"].holds
@@ -83,7 +84,9 @@ def test_a_measure_that_is_not_a_number_fails_its_case(monkeypatch):
 
 def test_the_printed_table_has_a_header_above_its_columns():
     header, *lines = hard_cases.plain_lines(ROWS)
-    assert header.split() == ["case", "in", "value", "bound", "verdict"] and len(lines) == len(ROWS)
+    assert header.split() == ["case", "in", "value", "bound", "verdict", "measured", "[unit]"]
+    assert len(lines) == len(ROWS)
+    assert header.index("measured") == lines[0].index(ROWS[0]["measure"])
     assert header.index("verdict") == lines[0].index("passed")
     assert header.index("bound") == lines[0].index("2 ")
 
