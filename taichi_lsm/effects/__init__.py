@@ -14,7 +14,7 @@ import importlib.util
 import inspect
 import os
 import pkgutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -43,6 +43,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a 
     from .viscous_damping import ViscousDamping as ViscousDamping
 
 FORMER_KEY = "law"  # of a table, in place of "name"
+OTHER_KEYS = ("type", "effect", "kind")  # likewise, by mistake
 MOST_EFFECTS = 100  # of a scene: each is compiled
 _BASE = ("Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "finite", "require")
 _SHARED = ("base", "tangential_spring")  # modules that define no effect
@@ -104,35 +105,46 @@ def make_effects(tables: Iterable[Mapping[str, Any]]) -> list[Effect]:
     InputError
         Names what is unknown or missing, what there is, and the nearest name.
     """
-    effects, made = find_effects(), []
+    effects = find_effects()
     tables = list(tables)
     if len(tables) > MOST_EFFECTS:
         raise InputError(f"effects: {len(tables)} tables, must be at most {MOST_EFFECTS}")
+    made, problems = [], []
     for table in tables:
-        if not isinstance(table, Mapping):
-            raise InputError(
-                f'effect {shown(table)}: must be a table such as {{"name": "gravity", "acceleration": [0, -9.81]}}'
-            )
-        values = dict(table)
-        if "name" not in values:
-            former = f", formerly called {FORMER_KEY}," if FORMER_KEY in values else ""
-            raise InputError(f"effect {shown(values)}: name{former} is missing, must be one of {', '.join(effects)}")
-        name = values.pop("name")
-        if not isinstance(name, str) or name not in effects:
-            raise InputError(
-                f"effect {shown(name)}: unknown, must be one of {', '.join(effects)}{_nearest(name, effects)}"
-            )
-        fields = {field.name: field for field in dataclasses.fields(effects[name])}
-        for key in values:
-            if key not in fields:
-                raise InputError(
-                    f"{name}.{shown(key)[1:-1]}: unknown, must be one of {', '.join(fields)}{_nearest(key, fields)}"
-                )
-        lacking = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in values]
-        if lacking:
-            raise InputError(f"{name}: {', '.join(lacking)} must be given")
-        made.append(_made(effects[name], name, values))
+        wrong = list(_problems_of(table, effects))
+        try:
+            if not wrong:
+                values = {key: value for key, value in table.items() if key != "name"}
+                made.append(_made(effects[table["name"]], table["name"], values))
+        except InputError as error:
+            wrong.append(str(error))
+        problems += wrong
+    if problems:
+        raise InputError("; ".join(problems))
     return made
+
+
+def _problems_of(table: Any, effects: Mapping[str, type[Effect]]) -> Iterator[str]:
+    """What is wrong with the keys of a table."""
+    if not isinstance(table, Mapping):
+        yield f'effect {shown(table)}: must be a table such as {{"name": "gravity", "acceleration": [0, -9.81]}}'
+    elif "name" not in table:
+        instead = [f", written as {key}," for key in OTHER_KEYS if key in table]
+        former = [f", formerly called {FORMER_KEY},"] if FORMER_KEY in table else instead[:1]
+        yield f"effect {shown(dict(table))}: name{''.join(former)} is missing, must be one of {', '.join(effects)}"
+    elif not isinstance(table["name"], str) or table["name"] not in effects:
+        name = table["name"]
+        yield f"effect {shown(name)}: unknown, must be one of {', '.join(effects)}{_nearest(name, effects)}"
+    else:
+        name = table["name"]
+        fields = {field.name: field for field in dataclasses.fields(effects[name])}  # pyright: ignore[reportArgumentType]  effects are dataclasses
+        given = [key for key in table if key != "name"]
+        for key in given:
+            if key not in fields:
+                yield f"{name}.{shown(key)[1:-1]}: unknown, must be one of {', '.join(fields)}{_nearest(key, fields)}"
+        lacking = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in given]
+        if lacking:
+            yield f"{name}: {', '.join(lacking)} must be given"
 
 
 def _made(cls: type[Effect], name: str, values: Mapping[str, Any]) -> Effect:

@@ -22,6 +22,7 @@ def test_effects_are_made_from_tables():
             r"effect {'acceleration': \[0.0, 1.0\]}: name is missing, must be one of .*hertz",
         ),
         ({"law": "hertz"}, "effect {'law': 'hertz'}: name, formerly called law, is missing, must be one of .*hertz"),
+        ({"type": "hertz"}, "effect {'type': 'hertz'}: name, written as type, is missing, must be one of .*hertz"),
         ({"name": ["gravity"]}, r"effect \['gravity'\]: unknown"),
         ("gravity", "effect 'gravity': must be a table"),
         (
@@ -42,6 +43,20 @@ def test_effects_are_made_from_tables():
 def test_mistakes_are_named(table, words):
     with pytest.raises(lsm.InputError, match=words):
         lsm.effects.make_effects([table])
+
+
+def test_all_mistakes_are_told_together():
+    tables = [{"name": "gravitty"}, {"name": "cohesion", "distance": -1.0, "pull": 2}, {"name": "gravity"}]
+    with pytest.raises(lsm.InputError) as caught:
+        lsm.effects.make_effects(tables)
+    told = str(caught.value).split("; ")
+    assert [text.split(":")[0] for text in told] == ["effect 'gravitty'", "cohesion.pull", "cohesion", "gravity"]
+
+
+def test_a_parameter_below_the_effects_is_told_where_it_belongs():
+    params = shear_gouge.Params(effects=[{"name": "hertz", "youngs_modulus": 7e10, "strain": 3, "restitution": 0.5}])
+    with pytest.raises(lsm.InputError, match=r"; restitution and strain, of the experiment, must stand above"):
+        params.given_effects()
 
 
 def test_the_gouge_takes_effects_beside_its_own_and_in_place_of_them():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,7 +17,7 @@ from workflows.cli.progress import ProgressLine
 from workflows.common import signals
 from workflows.common.metrics import FILE, failed_claims, read_summary
 from workflows.common.parallel_runs import reason_of
-from workflows.common.parameter_files import CONFIG
+from workflows.common.parameter_files import CONFIG, experiment_of
 from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import objections
@@ -46,7 +48,7 @@ def execute(
         params = merge(module.Params, preset, config, options, name, _fields_of_others(module))
         if not quiet and not problems:
             print(f"{name}, preset {params.preset_name}: checking, then writing to {folder}", flush=True)
-        complain([f"note: {text}" for text in params.notes])
+        complain([f"note: {text}" for text in (*params.notes, *_replaced(folder, name, existing))])
         if params.arch != "cpu":
             _check_arch(params.arch)
         module.check(params)
@@ -78,13 +80,24 @@ def execute(
             return FAILED
         except signals.Interrupted:
             if (folder / CONFIG).is_file():
-                kept = "what is done is kept" if has_results(folder) else "nothing was finished yet"
-                complain([f"{kept}; to go on: lsm resume {folder}"])
+                kept, do = "nothing was finished yet", "begin anew with the same parameters"
+                if has_results(folder):
+                    kept, do = "what is done is kept", "go on"
+                complain([f"{kept}; to {do}: lsm resume {folder}"])
             raise
     summary = read_summary(folder) if _written_at(folder / FILE) != earlier else None
     missed = failed_claims(summary) if summary else []
     complain(missed)
     return CLAIM_NOT_MET if strict and missed else COMPLETE
+
+
+def _replaced(folder: Path, name: str, existing: Existing) -> Iterator[str]:
+    """That a run of another experiment will be removed."""
+    if existing == "overwrite":
+        with suppress(InputError):  # no run is there
+            former = experiment_of(folder)
+            if former != name:
+                yield f"--overwrite removes the files of the run of {former} in {folder}"
 
 
 def _written_at(path: Path) -> int | None:

@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, reason
+from workflows.cli.how_far import how_far
 from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameter_files import CONFIG
 from workflows.common.parameter_problems import as_written
@@ -118,11 +119,13 @@ def print_info(folder: Path) -> int:
     for name, value in attributes.items():
         print(f"{name}: {value}")
     holder = next(filter(None, map(lsm.holder_of, (folder, *runs))), None)
-    goes_on = attributes.get("run_status") in UNFINISHED or has_results(folder)
+    goes_on = (attributes.get("run_status") in UNFINISHED or has_results(folder)) and not is_complete(folder)
     if holder:
         print(f"in use: {holder} writes to it")
-    elif goes_on and (folder / CONFIG).is_file() and not is_complete(folder):
+    elif goes_on and (folder / CONFIG).is_file():
         print(f"stopped: no process writes to it any more; to go on with it: lsm resume {folder}")
+    if goes_on and (far := how_far(folder)):
+        print(f"so far: {far}")
     if (folder / FILE).is_file():
         print()
         _print_metrics(folder / FILE)
@@ -178,6 +181,8 @@ def _contents(path: Path) -> str:
         return f"{path.stat().st_size} bytes"
     try:
         with _open(path) as file:
+            if "run_state" in file.ncattrs():
+                return f"checkpoint of {file.grains} grains at step {file.step}"
             sizes = ", ".join(f"{as_written(name)} {len(dim)}" for name, dim in file.dimensions.items())
             return f"{sizes or 'no dimensions'}; {len(file.variables)} variables"
     except UNREADABLE as error:

@@ -19,7 +19,25 @@ from workflows.common.parameters import DEFAULT_PRESET, Params, option_name
 PHYSICS = Group("Experiment", sort_key=1)
 MACHINE = Group("Computation", sort_key=2)
 FILES = Group("Files and display", sort_key=3)
-RESERVED = ("out", "config", "preset", "quiet", "strict", "overwrite", "yes")
+FLAG: dict[str, Any] = {"negative": ()}
+RESERVED: dict[str, tuple[type, str, dict[str, Any]]] = {  # type, help and form of the options of every experiment
+    "preset": (str, "starting values; one of {presets}", {"metavar": "NAME"}),
+    "config": (
+        str,
+        "TOML file, or run.nc of a run to repeat; wins over the preset; a table [NAME] in it is for the experiment "
+        "NAME alone",
+        {"metavar": "FILE"},
+    ),
+    "out": (str, "folder to write", {"metavar": "DIR"}),
+    "overwrite": (
+        bool,
+        "write to a folder that is not empty: what a run has left there is removed, other files stay",
+        FLAG,
+    ),
+    "quiet": (bool, "print nothing but errors and claims that are not met", FLAG),
+    "yes": (bool, "start also what takes more than a day or half of the memory", FLAG),
+    "strict": (bool, "exit with code 3 if a claim is not met", FLAG),
+}
 
 
 def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
@@ -40,20 +58,10 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
             key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[annotation | None, spec]
         )
 
+    shown = {"preset": DEFAULT_PRESET, "out": f"out/{name}"}
     listed = [
-        parameter("preset", str, FILES, f"starting values; one of {presets}", DEFAULT_PRESET, metavar="NAME"),
-        parameter(
-            "config",
-            str,
-            FILES,
-            "TOML file, or run.nc of a run, which wins over the preset; [NAME]: of one experiment",
-            metavar="FILE",
-        ),
-        parameter("out", str, FILES, "folder to write", f"out/{name}", metavar="DIR"),
-        parameter("overwrite", bool, FILES, "write to a folder that is not empty, over former runs", negative=()),
-        parameter("quiet", bool, FILES, "print nothing but errors and claims that are not met", negative=()),
-        parameter("yes", bool, FILES, "start also what takes more than a day or half of the memory", negative=()),
-        parameter("strict", bool, FILES, "exit with code 3 if a claim is not met", negative=()),
+        parameter(key, annotation, FILES, text.format(presets=presets), shown.get(key), **more)
+        for key, (annotation, text, more) in RESERVED.items()
     ]
     only_toml = []
     for key, field in params_class.model_fields.items():

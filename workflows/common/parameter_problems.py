@@ -34,6 +34,7 @@ EXPLAINED = (
 )
 
 OPTION = re.compile(r"--[\w-]+")
+VALUE = re.compile(r"^(--[\w-]+) ((?:(?! must | is |--).)*?): ")  # with which a message begins
 LONGEST_TEXT = 80  # characters of a value that are shown
 MOST_TEXTS = 6  # items of a list
 
@@ -71,6 +72,10 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
             messages[(reason,)] = reason.rstrip(".") + "."
             continue
         name = str(loc[0])
+        if name not in params_class.model_fields:
+            hint = nearest(name, params_class.model_fields)
+            messages[loc] = f"{option_name(name)} {as_written(item['input'])}: unknown parameter.{hint}"
+            continue
         field = params_class.model_fields[name]
         source = "" if sources.get(name) == "option" else f" ({sources.get(name, 'default')})"
         if item["type"] == "missing" and len(loc) == 1:
@@ -89,6 +94,16 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
             shown = as_written(values.get(name, field.default))
             messages.setdefault((name,), f"{option_name(name)} {shown}{source}: {must.rstrip('.')}.{hint}")
     return list(messages.values())
+
+
+def as_arguments(problems: Iterable[str], fields: Iterable[str]) -> list[str]:
+    """Messages that name arguments as Python has them: "normal_stress = -1: must be" for "--normal-stress -1: must"."""
+    options = {option_name(field): field for field in fields}
+
+    def argument(found: re.Match[str]) -> str:
+        return options.get(found[0], found[0].removeprefix("--").replace("-", "_"))
+
+    return [OPTION.sub(argument, VALUE.sub(r"\1 = \2: ", text)) for text in problems]
 
 
 def rules_between(

@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, ModelWrapValidatorHandler, ValidationInf
 
 from taichi_lsm.core.errors import InputError
 from workflows.common.parameter_files import OfFile, not_taken, read_for
-from workflows.common.parameter_problems import as_written, explain, nearest, option_name, rules_between
+from workflows.common.parameter_problems import as_arguments, as_written, explain, nearest, option_name, rules_between
 from workflows.common.parameter_types import accepts, allowed, kind, split_list
 from workflows.common.toml_writer import to_toml
 
@@ -55,6 +55,25 @@ class Params(pydantic.BaseModel):
     threads: int = Field(default=1, ge=1, le=1024, description="CPU threads; the results do not depend on it")
 
     format: Literal["png", "pdf", "svg"] = Field(default="png", description="format of the pictures")
+
+    def __init__(self, **values: Any) -> None:
+        """Check parameters that are given in Python.
+
+        Raises
+        ------
+        ParameterError
+            With every mistake, in place of pydantic's error.
+        """
+        try:
+            super().__init__(**values)
+        except pydantic.ValidationError as error:
+            kind, sources = type(self), dict.fromkeys(values, "option")
+            problems = explain(error, kind, values, sources)
+            problems += rules_between(error, kind, values, problems)
+            raise ParameterError(as_arguments(problems, kind.model_fields)) from None
+
+    # Else pydantic would call it also where `merge` validates, which explains the mistakes by their sources itself.
+    __init__.__pydantic_base_init__ = True  # pyright: ignore[reportFunctionMemberAccess]
 
     @cached_property
     def preset_name(self) -> str | None:

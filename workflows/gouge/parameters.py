@@ -1,5 +1,6 @@
 """Parameters of a sheared layer of gouge, and the rules between them."""
 
+import dataclasses
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -7,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
+from workflows.common.parameter_files import listed
 from workflows.common.parameter_types import OtherNames
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import in_terms_of
@@ -121,8 +123,8 @@ class Params(BaseParams):
         default=1.0,
         ge=0,
         le=1e4,
-        description="strain from which the steady state is averaged: 12 rows at least, on a spring the strain of 48, "
-        "as a layer that slips lays up to 4 times as much strain between two rows [1]",
+        description="shear strain from which on friction and the other means are taken, as those of the steady state; "
+        "so far below --strain that 12 rows are left, 48 with a load spring [1]",
     )
     rows_per_strain: int = Field(
         default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
@@ -185,7 +187,7 @@ class Params(BaseParams):
         if self.shape == "angular" and self.stiffness_number < least and not self.effects:
             yield (
                 f"--stiffness-number {self.stiffness_number:g} must be >= {least:g} with --corner-radius "
-                f"{self.corner_radius:g}: overlaps would exceed a tenth of what the corners can carry"
+                f"{self.corner_radius:g}, or overlaps exceed a tenth of what corners can carry; raise one of the two"
             )
 
     def _problems_of_shear(self) -> Iterator[str]:
@@ -241,8 +243,17 @@ class Params(BaseParams):
         """The effects of `effects`; InputError if they are wrong."""
         if not self.effects:
             return []  # and Taichi, which effects need, is not imported
-        with in_terms_of("effects", EFFECTS_HELP):
+        with in_terms_of("effects", EFFECTS_HELP + self._misplaced()):
             return lsm.effects.make_effects(self.effects)
+
+    def _misplaced(self) -> str:
+        """Where parameters of the experiment belong that stand in a table of an effect, "" if none does."""
+        effects, keys = lsm.effects.find_effects(), set()
+        for table in self.effects:
+            effect = effects.get(str(table.get("name")))
+            own = {field.name for field in dataclasses.fields(effect)} if effect else set()  # pyright: ignore[reportArgumentType]  effects are dataclasses
+            keys |= (table.keys() - own) & type(self).model_fields.keys()
+        return f"; {listed(sorted(keys))}, of the experiment, must stand above the first [[effects]]" if keys else ""
 
     def resolved(self) -> dict[str, Any]:
         """Values by field; of the thickness, length and number of grains those that stand for none."""

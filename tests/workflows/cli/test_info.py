@@ -1,11 +1,13 @@
 """What `lsm info` says of a folder."""
 
 import contextlib
+import json
 import math
 import os
 import types
 
 import netCDF4
+import numpy as np
 import pytest
 
 import taichi_lsm as lsm
@@ -69,6 +71,28 @@ def closed():
     file = types.SimpleNamespace(ncattrs=lambda: ["run_status"], getncattr=lambda name: "failed")
     file.dimensions = file.variables = {}
     return contextlib.nullcontext(file)
+
+
+def test_info_says_how_far_an_unfinished_run_has_come(tmp_path, capsys):
+    with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
+        file.run_status = "running"
+        file.createDimension("time", 3)
+        file.createVariable("strain", "f8", ())[...] = 5.0
+        file.createVariable("shear_strain", "f8", "time")[:] = [0.0, 0.5, 1.0]
+        file.createVariable("stage", str, "time")[:] = np.array(["generate", "shear", "shear"], object)
+    main(["info", str(tmp_path)])
+    assert "so far: stage shear, shear strain 1 of 5 in the last row\n" in capsys.readouterr().out
+    with netCDF4.Dataset(tmp_path / "checkpoint.nc", "w") as file:
+        file.setncatts({"grains": 40, "step": 700, "run_state": json.dumps({"rows": 2, "seconds": 30.0})})
+    main(["info", str(tmp_path)])
+    said = capsys.readouterr().out
+    assert "of 5 in the last row, about 04:00 left\n" in said  # 30 s for a strain of 0.5, 4 are left
+    assert "  checkpoint.nc  checkpoint of 40 grains at step 700\n" in said
+    (tmp_path / "summary.json").write_text('{"metrics": {}}')
+    with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:
+        file.run_status = "complete"
+    main(["info", str(tmp_path)])
+    assert "so far" not in capsys.readouterr().out
 
 
 def test_info_says_how_to_go_on_with_a_run_that_has_only_begun(tmp_path, capsys):

@@ -133,6 +133,13 @@ def test_a_folder_that_is_not_empty_needs_overwrite(plugins, tmp_path, capsys):
     assert (tmp_path / "full/notes").read_text() == "mine"
 
 
+def test_overwriting_another_experiment_is_told(plugins, tmp_path, capsys):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full/config.toml").write_text('experiment = "shear-gouge"\n')
+    assert main(["toy-run", "--out", "full", "--overwrite", "--quiet"]) == 0
+    assert capsys.readouterr().err == "lsm: note: --overwrite removes the files of the run of shear-gouge in full\n"
+
+
 def test_a_folder_whose_name_is_too_long_is_refused(plugins, capsys):
     assert main(["toy-run", "--out", "x" * 300]) == 2
     error = capsys.readouterr().err

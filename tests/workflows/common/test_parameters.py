@@ -67,6 +67,20 @@ def test_every_mistake_of_every_source_is_one_message(toy, tmp_path):
     assert sorted(found) == sorted(expected)
 
 
+def test_mistakes_in_python_name_the_arguments_all_together(toy):
+    with pytest.raises(ParameterError) as caught:
+        toy.Params(dim=4, thread=2, normal_stress=-1.0, shape="sphre", effects=[{"name": "a", "stifness": 2}])
+    assert sorted(caught.value.problems) == sorted(
+        [
+            "dim = 4: must be an integer, from 2 to 3.",
+            "thread = 2: unknown parameter. Did you mean threads?",
+            "normal_stress = -1.0: must be a number, greater than 0.",
+            "shape = sphre: must be one of sphere, angular. Did you mean sphere?",
+            "effects[0].stifness = 2: unknown key. Did you mean stiffness?",
+        ]
+    )
+
+
 class Named(Params):
     """Texts that have other words."""
 
