@@ -35,6 +35,7 @@ def test_the_true_error_is_within_the_promised_one(shape, tmp_path):
         out = tmp_path / f"trial-{trial}"
         params = shear_gouge.Params(**LAYER, shape=shape, seed=100 * (trial + 1), target_error=TARGET[shape])
         shear_gouge.run(params, out)
+        assert (out / "friction.png").stat().st_size > 10_000
         metrics = json.loads((out / "summary.json").read_text(encoding="utf-8"))["metrics"]
         values = {name: metrics[name]["value"] for name in ("friction_mean", "friction_error", "seeds", "strain")}
         error = abs(values["friction_mean"] - truth.mean)

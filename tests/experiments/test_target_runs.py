@@ -1,5 +1,8 @@
 """The table of the runs that a target error needs, made from stand-ins for their files."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -23,6 +26,7 @@ def target(tmp_path, monkeypatch):
             RunWriter(folder / "run.nc", RUN, attributes(), LABELS).close("complete")
 
     monkeypatch.setattr(target_runs, "run_replicas", make_files)
+    monkeypatch.setattr(target_runs.run_plots, "plot_target", lambda out, error, kind: None)  # they have no rows
     params = shear_gouge.Params(target_error=0.02, layer_thickness=8, length=20, friction=0.4, seed=5)
     runs = target_runs.runs_of(params, target_runs.target_error.plan(params, 0.02))
     run = target_runs.run_to_target(params, tmp_path / "out", None, "shear_gouge", lambda dataset, of_run: FRICTION)
@@ -31,6 +35,8 @@ def target(tmp_path, monkeypatch):
 
 def test_the_parameters_of_the_runs_are_coordinates(target):
     params, runs, table = target
+    summary = json.loads((Path(table.encoding["source"]).parent / "summary.json").read_text())
+    assert "too few and too short to tell" in summary["metrics"]["friction_error"]["remedy"]
     one = runs["seed-5"]
     assert table.sizes["run"] == len(runs) > 1 and list(table.seed.values) == [r.seed for r in runs.values()]
     expected = {"particle_friction": 0.4, "target_normal_stress": 5e6, "stiffness_number": 1000.0, "length": 20.0}

@@ -21,6 +21,7 @@ from workflows.gouge import target_error
 from workflows.gouge.layer_metrics import BOUNDS, worst_claims
 from workflows.gouge.parameters import Params
 from workflows.gouge.target_error import Plan
+from workflows.plots import run_plots
 
 if TYPE_CHECKING:
     import xarray
@@ -33,6 +34,7 @@ COLUMNS = [
 TEXTS = {"path": "folder of the run, relative to this file"}
 HALF_WIDTH = "half-width of the 95 % interval of friction_mean"
 UNKNOWN = "unknown: the runs have too few independent samples to tell their errors"
+NOT_TOLD = "the runs are too few and too short to tell their own error: lower --target-error, which makes more of them"
 SCATTER = "the runs scatter more than was foreseen from other layers: lower --target-error, or raise --length"
 
 
@@ -85,11 +87,17 @@ def _run_to_target(
     means, errors = (table[name].values.tolist() for name in ("friction_mean", "friction_se"))
     as_run = params.model_copy(update={"strain": plan.strain})
     error = target_error.reached(row, as_run, means, errors, f"{plan.step_safety:g}")
+    run_plots.plot_target(out, error, params.format)
     mean, known = float(np.mean(means)), bool(np.isfinite(error))
     metrics = {
         "friction_mean": Metric(mean, "1", interval=(mean - error, mean + error) if known else None),
         "friction_error": Metric(
-            error, "1", target, error <= target, note=HALF_WIDTH if known else UNKNOWN, remedy=SCATTER
+            error,
+            "1",
+            target,
+            error <= target,
+            note=HALF_WIDTH if known else UNKNOWN,
+            remedy=SCATTER if known else NOT_TOLD,
         ),
         "expected_error": Metric(plan.expected_error, "1"),
         "seeds": Metric(plan.seeds, "1"),

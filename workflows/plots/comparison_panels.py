@@ -94,6 +94,37 @@ def _explain_curves(axes, replicated, found, since):
     axes.axvline(since, 0.0, 0.62, color="0.6", lw=1, ls=":")
 
 
+def draw_seeds(axes: Any, table: xarray.Dataset, found: Any, target: float, colour: str) -> None:
+    """Mean friction of each run of target.nc, and that of all with its 95 % interval beside the wanted one.
+
+    Parameters
+    ----------
+    axes, colour
+        To draw in.
+    table, found
+        target.nc, and the mean of all runs: `mean`, `half_width` and `interval`.
+    target
+        Wanted half-width of the interval [1].
+    """
+    seeds, means, errors = (table[name].values for name in ("seed", "friction_mean", "friction_se"))
+    mean, known = found.mean, bool(np.isfinite(found.half_width))
+    axes.axhspan(mean - target, mean + target, color="0.85", lw=0, label=f"wanted 95 % interval, ±{target:g}")
+    if known:
+        axes.axhspan(*found.interval, color=colour, alpha=0.3, lw=0, label=f"reached, ±{found.half_width:.2g}")
+    axes.axhline(mean, color=colour, lw=1.2, ls=DASHES, label=f"mean of the runs, {mean:.3f}")
+    bars, any_known = np.where(np.isfinite(errors), errors, 0.0), bool(np.isfinite(errors).any())
+    label = "a run" + ("; bar: standard error within it" if any_known else "; its error is unknown")
+    style = {"fmt": "o", "color": colour, "ms": 4.5, "capsize": 3}
+    axes.errorbar(seeds, means, yerr=errors if any_known else None, label=label, **style)
+    axes.set_xticks(seeds)
+    span = [*(means + bars), *(means - bars), *found.interval, mean - target, mean + target]
+    low, high = float(np.nanmin(span)), float(np.nanmax(span))
+    axes.set(xlabel="seed of the run", ylabel="mean friction of steady shear [1]")
+    axes.set_ylim(low - 0.08 * (high - low), high + 0.7 * (high - low))
+    axes.legend(loc="upper left", fontsize=8.8)
+    axes.set_title("(b) the runs, and the wanted error")
+
+
 def published_rows() -> list[tuple]:
     """(dimension, friction, label, kind, round or angular, remark, values) of the checked references, unsorted.
 

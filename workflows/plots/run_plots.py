@@ -18,7 +18,7 @@ import taichi_lsm as lsm
 from workflows.common.metrics import shown
 from workflows.gouge.labels import effect_words, friction_words, grains_of_run, other_effects, shape_words, spring_words
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
-from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published
+from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published, draw_seeds
 from workflows.plots.friction_axes import DASHES, SMOOTH_STRAIN, axis_limits, draw_zero, estimate_text, smoothed
 from workflows.plots.layer_pictures import (
     MIDDLE,
@@ -132,6 +132,23 @@ def plot_comparison(out: str | os.PathLike[str], kind: str = "png") -> Path:
             one = next(iter(series.values()))[0]
             grains = " and of ".join(shape_words(shape, dim) for shape in series)
             figure.suptitle(wrapped(_conditions(_params(one), _sheared(one), grains)))
+    return path
+
+
+def plot_target(out: str | os.PathLike[str], error: float, kind: str = "png") -> Path:
+    """Draw friction.png of the runs of target.nc, whose mean friction has a 95 % interval of half-width `error` [1]."""
+    out, path = Path(out), Path(out) / f"friction.{kind}"
+    table = lsm.open_run(out / "target.nc")
+    runs = [lsm.open_run(out / folder / "run.nc") for folder in table.path.values]
+    params, mean = _params(runs[0]), float(table.friction_mean.mean())
+    found = SimpleNamespace(mean=mean, half_width=error, interval=(mean - error, mean + error))
+    with figure_at(path, (11, 4.6)) as figure:
+        curves, seeds = figure.subplots(1, 2, width_ratios=(1.35, 1))
+        of_shape = {params.shape: curves_of([_sheared(run) for run in runs])}
+        draw_comparison(curves, of_shape, {params.shape: found}, params.steady_from, params.dim)
+        draw_seeds(seeds, table, found, float(table.target_error[0]), COLOUR[params.shape])
+        grains = shape_words(params.shape, params.dim)
+        figure.suptitle(wrapped(_conditions(params, _sheared(runs[0]), grains)))
     return path
 
 

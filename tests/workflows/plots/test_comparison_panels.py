@@ -1,14 +1,24 @@
 """The friction panels of a comparison, of drawn data: what can be told apart, and what the legend says."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import xarray
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
 from tests.helpers.pictures import curves
-from workflows.plots.comparison_panels import COLOUR, Curves, draw_comparison, draw_published, published_rows
+from workflows.plots.comparison_panels import (
+    COLOUR,
+    Curves,
+    draw_comparison,
+    draw_published,
+    draw_seeds,
+    published_rows,
+)
 
 
 def test_only_checked_references_are_drawn():
@@ -94,6 +104,21 @@ def test_all_friction_and_all_intervals_are_inside_the_axes(shift):
     assert low < min(drawn.min(), ends.min()) and max(drawn.max(), ends.max()) < high
     zero = [line for line in axes.lines if np.array_equal(line.get_ydata(), [0.0, 0.0])]
     assert len(zero) == 1  # as part of an interval is below it
+
+
+@pytest.mark.parametrize(("error", "of_runs", "target"), [(0.01, 0.02, 0.05), (np.nan, np.nan, 0.05), (0.2, 0.1, 0.01)])
+def test_the_runs_to_a_target_are_inside_the_axes_with_the_wanted_error(error, of_runs, target):
+    axes, means = Figure().subplots(), np.array([0.28, 0.33])
+    columns = {"seed": [4, 5], "friction_mean": means, "friction_se": [of_runs, of_runs]}
+    found = SimpleNamespace(mean=0.3, half_width=error, interval=(0.3 - error, 0.3 + error))
+    draw_seeds(axes, xarray.Dataset({name: ("run", values) for name, values in columns.items()}), found, target, "k")
+    low, high = axes.get_ylim()
+    drawn = [*(means - np.nan_to_num(of_runs)), *(means + np.nan_to_num(of_runs)), 0.3 - target, 0.3 + target]
+    drawn += [] if np.isnan(error) else [0.3 - error, 0.3 + error]
+    assert low < min(drawn) and max(drawn) < high
+    told = " ".join(legend_of(axes))
+    assert f"±{target:g}" in told and "mean of the runs, 0.300" in told
+    assert ("its error is unknown" in told, "reached" in told) == (bool(np.isnan(of_runs)), not np.isnan(error))
 
 
 def published(found, singles=(0.3, 0.31)):
