@@ -28,12 +28,12 @@ from workflows.common.parallel_runs import Progress, fresh_processes, in_fresh_p
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
 from workflows.common.run_cost import RunCost
-from workflows.common.run_folder import Existing, run_folder
+from workflows.common.run_folder import Existing
 from workflows.common.run_table import attributes_of
 from workflows.gouge.parameters import Shape, round_grains
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
-from workflows.protocol.finished_parts import FinishedParts
+from workflows.protocol.finished_parts import FinishedParts, folder_of_parts
 
 if TYPE_CHECKING:
     import xarray
@@ -310,8 +310,8 @@ def run(
     layers, which are not repeated, or goes on. Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    with run_folder(params, "accuracy-cost", out, existing, keep_runs=True) as folder:
-        return _run(params, folder, FinishedParts(folder, params, existing == "resume"), progress)
+    with folder_of_parts(params, "accuracy-cost", out, existing, keep_runs=True) as (folder, parts):
+        return _run(params, folder, parts, progress)
 
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:

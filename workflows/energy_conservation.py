@@ -24,12 +24,12 @@ from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.run_cost import RunCost
-from workflows.common.run_folder import Existing, run_folder
+from workflows.common.run_folder import Existing
 from workflows.common.run_table import Rows, attributes_of, write_runs
 from workflows.energy.gas_metrics import PUBLISHED_DRIFT, analyse
 from workflows.energy.gas_runs import CONES, SCHEMES, gas_cost, runs_of, schemes_of
 from workflows.plots.energy_figure import plot_energy
-from workflows.protocol.finished_parts import FinishedParts
+from workflows.protocol.finished_parts import FinishedParts, folder_of_parts
 
 if TYPE_CHECKING:
     import xarray
@@ -290,8 +290,8 @@ def run(
     Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    with run_folder(params, "energy-conservation", out, existing) as folder:
-        return _run(params, folder, FinishedParts(folder, params, existing == "resume"), progress)
+    with folder_of_parts(params, "energy-conservation", out, existing) as (folder, parts):
+        return _run(params, folder, parts, progress)
 
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:

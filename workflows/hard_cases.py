@@ -23,11 +23,11 @@ from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest
 from workflows.common.run_cost import PROCESS_BYTES, RunCost, of_replicas
-from workflows.common.run_folder import Existing, run_folder
+from workflows.common.run_folder import Existing
 from workflows.common.run_table import Rows, write_runs
 from workflows.hard import Bench, cases_of, modules
 from workflows.plots.hard_cases import plot_cases
-from workflows.protocol.finished_parts import FinishedParts
+from workflows.protocol.finished_parts import FinishedParts, folder_of_parts
 
 if TYPE_CHECKING:
     import xarray
@@ -212,8 +212,8 @@ def run(
     Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    with run_folder(params, "hard-cases", out, existing) as folder:
-        return _run(params, folder, FinishedParts(folder, params, existing == "resume"), progress)
+    with folder_of_parts(params, "hard-cases", out, existing) as (folder, parts):
+        return _run(params, folder, parts, progress)
 
 
 def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:

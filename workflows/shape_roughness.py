@@ -28,10 +28,10 @@ from workflows.common.parameter_files import CONFIG
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import checked
 from workflows.common.run_cost import RunCost, of_replicas
-from workflows.common.run_folder import Existing, run_folder
+from workflows.common.run_folder import Existing
 from workflows.common.run_table import Rows, write_runs
 from workflows.plots.roughness import plot_roughness
-from workflows.protocol.finished_parts import FinishedParts
+from workflows.protocol.finished_parts import FinishedParts, folder_of_parts
 
 if TYPE_CHECKING:
     import shapely
@@ -334,13 +334,12 @@ def run(
     Raises InputError for a folder or a run in it that does not suit.
     """
     check(params)
-    with run_folder(params, "shape-roughness", out, existing) as folder:
-        return _run(params, folder, progress, existing == "resume")
+    with folder_of_parts(params, "shape-roughness", out, existing) as (folder, parts):
+        return _run(params, folder, parts, progress)
 
 
-def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> xarray.Dataset:
+def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | None) -> xarray.Dataset:
     """The experiment in its folder."""
-    parts = FinishedParts(out, params, resume)
     rows, stop = measure(params, out, parts, progress)
     if stop and not rows:
         raise stop

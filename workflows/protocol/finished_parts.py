@@ -20,13 +20,30 @@ import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
 from workflows.common.parallel_runs import fresh_processes
 from workflows.common.parameters import Params
-from workflows.common.run_folder import PARTS
+from workflows.common.run_folder import PARTS, Existing, begin_run, run_folder
 from workflows.common.stopwatch import Stopwatch
 
 PARAMETERS = "parameters"  # the file that tells with which the parts were made
 TIMES = "times"  # the file that tells how long it took until the last of them
 MOST_S = 1e10  # of a run [s]; more is no time
 MOST_ITEM = 2**16  # bytes of a number or text in an array
+
+
+@contextmanager
+def folder_of_parts(
+    params: Params, experiment: str, out: str | os.PathLike[str], existing: Existing, keep_runs: bool = False
+) -> Iterator[tuple[Path, FinishedParts]]:
+    """The folder of an experiment, as `run_folder` gives it, and the parts in it.
+
+    Raises
+    ------
+    InputError
+        As `run_folder`, or if parts that are there do not suit; the folder is then as it was.
+    """
+    with run_folder(params, experiment, out, existing, keep_runs=keep_runs, begin=False) as folder:
+        parts = FinishedParts(folder, params, existing == "resume")
+        begin_run(params, experiment, folder)
+        yield folder, parts
 
 
 class FinishedParts:

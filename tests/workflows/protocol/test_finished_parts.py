@@ -11,7 +11,7 @@ import pytest
 from taichi_lsm.core.errors import InputError
 from workflows.common import signals
 from workflows.common.parameters import Params
-from workflows.protocol.finished_parts import FinishedParts
+from workflows.protocol.finished_parts import FinishedParts, folder_of_parts
 
 PARAMS = Params()
 
@@ -107,6 +107,21 @@ def test_parts_of_other_parameters_are_refused(tmp_path):
     with pytest.raises(InputError, match="was made with other seed; begin anew"):
         FinishedParts(tmp_path, Params(seed=7), resume=True)
     assert FinishedParts(tmp_path, Params(seed=7), resume=False).get("one") is None
+
+
+def test_a_folder_whose_parts_do_not_suit_stays_as_it_was(tmp_path, monkeypatch):
+    with folder_of_parts(Params(seed=7), "toy-run", tmp_path, "refuse") as (_, parts):
+        parts.put("one", 1.0)
+    (tmp_path / "summary.json").write_text("{}")
+    config = tmp_path / "config.toml"
+    config.write_text(config.read_text().replace("seed = 7", "seed = 1"))  # by hand
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match="was made with other seed"):
+        folder_of_parts(Params(seed=1), "toy-run", tmp_path, "resume").__enter__()
+    left = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert {path: text for path, text in left.items() if path.name != ".lock"} == {
+        path: text for path, text in before.items() if path.name != ".lock"
+    }
 
 
 @pytest.mark.parametrize("text", ["[" * 10_000, '{"digest": 1}', "[]", "\xff", '{"result": "{}", "digest": "0"}'])
