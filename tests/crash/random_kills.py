@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import random
 import subprocess
 import sys
@@ -41,6 +42,7 @@ class Count:
 
     kills: int = 0
     runs: int = 0
+    never_killed_s: float = math.inf  # time of the last run that came to its end before it was killed [s]
     lost_most: float = 0.0  # greatest time of a process, with its start, that a kill took back [s]
     problems: list[str] = field(default_factory=list)
 
@@ -123,6 +125,8 @@ def run_until_complete(
             continue
         ended = process.returncode == 0
         count.problems += check_complete(folder, reference) if ended else [f"exit code {process.returncode}: {errors}"]
+        if words is begin:
+            count.never_killed_s = time.time() - began
         return
 
 
@@ -134,9 +138,10 @@ def run_case(name: str, options: list[str], kills: int, root: Path, rng: random.
         subprocess.run(command("shear-gouge", *SMALL, *options, "--out", str(folder)), check=True, capture_output=True)
         took = time.monotonic() - began
     while count.kills < kills:
+        took = min(took, count.never_killed_s)  # on a machine that has become idle
         folder = root / f"{name}-{count.runs}"
         begin = command("shear-gouge", *SMALL, *options, "--out", str(folder))
-        run_until_complete(begin, folder, reference, count, lambda: rng.uniform(0.3, 0.8) * took)
+        run_until_complete(begin, folder, reference, count, lambda took=took: rng.uniform(0.3, 0.8) * took)
         count.runs += 1
     return count
 
