@@ -72,6 +72,7 @@ def test_contracts_of_the_imports_are_kept():
         ("taichi_lsm/packing.py", "import workflows.shear_gouge", "The library knows no experiment"),
         ("taichi_lsm/effects/gravity.py", "from ..core import fields", "Effects see a contact and never the state"),
         ("benchmarks/scenes.py", "from benchmarks import effects", "No two modules of the benchmarks"),
+        ("workflows/common/signals.py", "from workflows.cli import progress", "What the command line drives"),
     ],
 )
 def test_a_broken_contract_is_found(tmp_path, file, line, contract):

@@ -17,7 +17,7 @@ from taichi_lsm.effects import find_effects
 from tests.effects.test_every_effect import check_contract
 from tests.helpers.processes import run_python
 from workflows import hard
-from workflows.cli.discovery import find_workflows
+from workflows.common.discovery import find_workflows
 from workflows.common.parameters import merge
 
 ROOT = Path(__file__).resolve().parents[1]

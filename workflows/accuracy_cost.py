@@ -24,9 +24,10 @@ from workflows.accuracy.curves import curves
 from workflows.accuracy.total_cost import total_cost
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import Progress, fresh_processes, in_fresh_process
+from workflows.common.parallel_runs import fresh_processes, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
+from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing
 from workflows.common.run_table import attributes_of

@@ -21,9 +21,10 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common import signals
 from workflows.common.metrics import Metric, metrics_of_estimate, number, shown, write_summary
-from workflows.common.parallel_runs import Progress, run_replicas
+from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.refusals import check_idle, derived
+from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import Existing, is_begun, run_folder
 from workflows.common.run_table import write_runs

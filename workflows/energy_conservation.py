@@ -20,9 +20,9 @@ import taichi_lsm as lsm
 from workflows.common import signals
 from workflows.common.child_reports import SILENT, child_reports
 from workflows.common.metrics import write_summary
-from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle, in_terms_of
+from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing
 from workflows.common.run_table import Rows, attributes_of, write_runs

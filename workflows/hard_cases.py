@@ -19,9 +19,9 @@ from pydantic import Field
 import taichi_lsm as lsm
 from workflows.common.child_reports import SILENT, child_reports
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.parameters import nearest
+from workflows.common.reports import Progress
 from workflows.common.run_cost import PROCESS_BYTES, RunCost, of_replicas
 from workflows.common.run_folder import Existing
 from workflows.common.run_table import Rows, write_runs

@@ -23,10 +23,11 @@ from workflows import shear_gouge
 from workflows.common import signals
 from workflows.common.child_reports import child_reports
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
-from workflows.common.parallel_runs import Progress, in_fresh_process
+from workflows.common.parallel_runs import in_fresh_process
 from workflows.common.parameter_files import CONFIG
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import checked
+from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import Existing
 from workflows.common.run_table import Rows, write_runs

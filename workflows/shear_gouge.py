@@ -15,9 +15,9 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, read_summary, write_summary
-from workflows.common.parallel_runs import Progress
 from workflows.common.parameter_coordinates import parameter_coordinates
 from workflows.common.parameters import to_toml
+from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import (
     Existing,

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 import taichi_lsm as lsm
-from workflows.cli.discovery import find_workflows
+from workflows.common.discovery import find_workflows
 from workflows.common.parameter_types import choices, items, kind, members
 from workflows.common.parameters import merge, option_name
 

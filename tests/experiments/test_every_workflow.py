@@ -14,8 +14,8 @@ import taichi_lsm as lsm
 import workflows
 from taichi_lsm.core.errors import InputError
 from workflows import hard
-from workflows.cli.discovery import find_workflows
 from workflows.common import parallel_runs
+from workflows.common.discovery import find_workflows
 from workflows.common.former_names import FORMER
 from workflows.common.parameter_types import choices
 from workflows.common.parameters import Params, merge, to_toml

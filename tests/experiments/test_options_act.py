@@ -19,7 +19,7 @@ import xarray
 import taichi_lsm as lsm
 import workflows
 from workflows import compare_shapes, shear_gouge
-from workflows.cli.discovery import find_workflows
+from workflows.common.discovery import find_workflows
 from workflows.common.parameter_types import choices, kind, members
 from workflows.common.parameters import ParameterError, merge, option_name
 from workflows.gouge import target_runs

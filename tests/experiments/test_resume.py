@@ -13,9 +13,9 @@ import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
 from tests.crash.random_kills import differences
 from workflows import shear_gouge
-from workflows.cli.discovery import find_workflows
 from workflows.cli.main import main
 from workflows.common import signals
+from workflows.common.discovery import find_workflows
 from workflows.common.metrics import read_summary
 from workflows.common.parameters import merge
 from workflows.common.run_folder import is_complete

@@ -14,9 +14,9 @@ import pytest
 from tests.experiments.test_accuracy_cost import AFTER, DRIFT, DURING, falling
 from tests.experiments.test_hard_cases import row
 from workflows import accuracy_cost, energy_conservation, hard_cases, shape_roughness
-from workflows.cli.discovery import find_workflows
 from workflows.cli.main import main
 from workflows.common import signals
+from workflows.common.discovery import find_workflows
 from workflows.common.parameters import merge
 from workflows.common.run_folder import is_complete
 from workflows.protocol import finished_parts

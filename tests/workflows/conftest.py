@@ -117,6 +117,6 @@ def plugins(tmp_path, monkeypatch):
 @pytest.fixture
 def toy(plugins):
     """The module of the toy workflow."""
-    from workflows.cli.discovery import find_workflows
+    from workflows.common.discovery import find_workflows
 
     return find_workflows()["toy-run"]

@@ -11,12 +11,11 @@ from typing import Any
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.discovery import find_workflows
-from workflows.cli.exit_codes import BAD_INPUT, CLAIM_NOT_MET, COMPLETE, FAILED
 from workflows.cli.progress import ProgressLine
 from workflows.common import signals
+from workflows.common.discovery import find_workflows
+from workflows.common.exit_codes import BAD_INPUT, CLAIM_NOT_MET, COMPLETE, FAILED, reason_of
 from workflows.common.metrics import FILE, failed_claims, read_summary
-from workflows.common.parallel_runs import reason_of
 from workflows.common.parameter_files import CONFIG, experiment_of
 from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of

@@ -23,15 +23,14 @@ from cyclopts import (
 
 from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
-from workflows.cli.discovery import DiscoveryError, find_workflows
 from workflows.cli.execution import complain, problems_of
-from workflows.cli.exit_codes import CLOSED_PIPE, COMPLETE, FAILED
 from workflows.cli.options import workflow_command
 from workflows.cli.resume import resume
 from workflows.cli.sweep import sweep_command
 from workflows.common import signals
+from workflows.common.discovery import DiscoveryError, find_workflows
+from workflows.common.exit_codes import CLOSED_PIPE, COMPLETE, FAILED, reason_of
 from workflows.common.former_names import renamed
-from workflows.common.parallel_runs import reason_of
 from workflows.common.parameters import nearest, option_name
 
 

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 from cyclopts import Group, Parameter
 from pydantic.fields import FieldInfo
 
-from workflows.cli.discovery import DiscoveryError
 from workflows.cli.execution import execute
+from workflows.common.discovery import DiscoveryError
 from workflows.common.parameter_types import allowed, choices_in_words, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, Params, option_name
 

@@ -5,9 +5,7 @@ Where a run makes no report for some seconds, as while kernels compile, the line
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import signal
 import threading
 import time
 from collections.abc import Mapping
@@ -17,7 +15,8 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from workflows.common.signals import HANDLED
+from workflows.common import signals
+from workflows.common.reports import as_dict
 
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 10.0
@@ -61,7 +60,8 @@ class ProgressLine:
             self._show(as_dict(report))
             if self._waiting is None:
                 self._waiting = threading.Thread(target=self._tell_waits, name="lsm progress", daemon=True)
-                self._waiting.start()
+                with signals.blocked():  # the thread leaves them to the main one
+                    self._waiting.start()
 
     def _show(self, report: dict) -> None:
         label = report.get("label", "")
@@ -89,7 +89,6 @@ class ProgressLine:
 
     def _tell_waits(self) -> None:
         """Until the end: where no report comes, say what is being done and for how long."""
-        leave_signals_to_the_main_thread()
         while not self._closed.wait(0.2 * WAIT_S):
             with self._changing:
                 try:
@@ -124,19 +123,6 @@ class ProgressLine:
 
     def __exit__(self, *exc_info):
         self.close()
-
-
-def leave_signals_to_the_main_thread() -> None:
-    """Keep the signals that end a run from the calling thread: it must be the main one that they wake."""
-    if hasattr(signal, "pthread_sigmask"):  # Windows has no signal masks
-        signal.pthread_sigmask(signal.SIG_BLOCK, HANDLED)
-
-
-def as_dict(report: Any) -> dict:
-    """A report, a mapping or a dataclass, as a dict."""
-    if isinstance(report, Mapping):
-        return dict(report)
-    return {f.name: getattr(report, f.name) for f in dataclasses.fields(report)}
 
 
 def _has_ended(report: dict) -> bool:

@@ -11,7 +11,7 @@ from cyclopts import App
 
 from taichi_lsm.core.errors import InputError
 from workflows.cli.execution import execute
-from workflows.cli.exit_codes import CLAIM_NOT_MET, COMPLETE
+from workflows.common.exit_codes import CLAIM_NOT_MET, COMPLETE
 from workflows.common.metrics import failed_claims, read_summary
 from workflows.common.parameter_files import config_in, experiment_of
 from workflows.common.parameter_problems import as_written

@@ -13,10 +13,9 @@ from cyclopts import Parameter
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli.execution import complain
-from workflows.cli.exit_codes import COMPLETE, FAILED
 from workflows.common import signals
+from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import reason_of
 from workflows.common.run_folder import check_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.common.toml_writer import to_toml

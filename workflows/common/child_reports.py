@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workflows.cli.progress import as_dict, leave_signals_to_the_main_thread
-from workflows.common.parallel_runs import Progress
+from workflows.common import signals
+from workflows.common.reports import Progress, as_dict
 
 READ_EVERY_S = 0.2
 
@@ -61,21 +61,27 @@ class ChildReports:
 
     def show(self, report: dict[str, Any]) -> None:
         """Show a report of this process after all that its children have made."""
-        self.show_new()
-        if self._progress:
-            self._progress(report)
+        with self._showing:
+            self._show_new()
+            if self._progress:
+                self._progress(report)
 
     def show_new(self) -> None:
         """Show what the children have reported since the last time."""
+        with self._showing:
+            self._show_new()
+
+    def _show_new(self) -> None:
         if self._path is None or not self._progress:
             return
-        with self._showing:
-            for line in self._lines():
-                if line.endswith(b"\n"):  # else it is still being written
-                    self._read += len(line)
-                    with suppress(ValueError):  # a full disk has cut it
-                        report = json.loads(line)
-                        self._progress(report)
+        for line in self._lines():
+            if line.endswith(b"\n"):  # else it is still being written
+                self._read += len(line)
+                try:
+                    report = json.loads(line)
+                except ValueError:  # a full disk has cut it
+                    continue
+                self._progress(report)
 
     def _lines(self) -> list[bytes]:
         """What is new in the file; nothing if somebody has removed it."""
@@ -96,16 +102,17 @@ def child_reports(progress: Progress | None) -> Iterator[ChildReports]:
         path.touch()
         reports, ended = ChildReports(path, progress), threading.Event()
         thread = threading.Thread(target=_keep_showing, args=(reports, ended), name="lsm reports", daemon=True)
-        thread.start()
         try:
+            with signals.blocked():  # the thread leaves them to the main one
+                thread.start()
             yield reports
         finally:
             ended.set()
-            thread.join()
+            if thread.is_alive():
+                thread.join()
 
 
 def _keep_showing(reports: ChildReports, ended: threading.Event) -> None:
-    leave_signals_to_the_main_thread()
     while not ended.wait(READ_EVERY_S):
         try:
             reports.show_new()

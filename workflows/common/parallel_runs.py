@@ -28,9 +28,9 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli import discovery
-from workflows.cli.progress import as_dict
-from workflows.common import signals
+from workflows.common import discovery, signals
+from workflows.common.exit_codes import reason_of
+from workflows.common.reports import Progress, as_dict
 from workflows.common.run_folder import is_begun, is_done
 
 SEND_EVERY_S = 0.2
@@ -40,7 +40,6 @@ LOG_LINES = 20
 P = ParamSpec("P")
 T = TypeVar("T")
 
-Progress = Callable[[dict[str, Any]], None]  # takes the reports of a run
 Job = tuple[str, str, Any, str | os.PathLike]
 
 
@@ -123,21 +122,12 @@ def run_replicas(
     return [Path(job[3]) for job in jobs]
 
 
-def reason_of(error: Exception) -> str:
-    """Why a run could not be completed, as one message."""
-    if isinstance(error, MemoryError):
-        return f"not enough memory for a run of this size: {error or 'the system gave no more'}."
-    if isinstance(error, OSError):
-        return f"a file could not be read or written: {error}."
-    return "; ".join([str(error), *getattr(error, "__notes__", ())])
-
-
 class _FreshProcesses(ProcessPoolExecutor):
     """A pool whose processes leave Ctrl-C, which a terminal sends to all of them, to this one."""
 
     def submit(self, fn, /, *arguments, **options):
         # A process that starts here inherits what is blocked, and so does the thread that starts those after it.
-        with _blocked_signals({signal.SIGINT}):
+        with signals.blocked({signal.SIGINT}):
             return super().submit(fn, *arguments, **options)
 
 
@@ -195,7 +185,7 @@ def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Runn
     resource_tracker.ensure_running()  # or the first start would launch it, which unblocks the signals again
     # The child inherits both: numpy reads the limits when it is imported, and a signal that arrives before
     # the child has its handlers waits instead of killing it. It is handled once the child is in `running`.
-    with _environment(ONE_THREAD), _blocked_signals():
+    with _environment(ONE_THREAD), signals.blocked():
         process.start()
         running.append(_Running(label, process, receiver, log, {"label": label}))
     sender.close()
@@ -283,18 +273,6 @@ def _environment(changes: dict[str, str]):
                 os.environ[name] = value
 
 
-@contextmanager
-def _blocked_signals(blocked=signals.HANDLED):
-    if not hasattr(signal, "pthread_sigmask"):  # Windows has no signal masks
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, blocked)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
     """The whole life of one run's process."""
     _redirect_output(log)
@@ -302,8 +280,7 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
     code = 1
     try:
         signals.install()
-        if hasattr(signal, "pthread_sigmask"):
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, signals.HANDLED)
+        signals.unblock()
         _end_with_parent()
         discovery.load_path()
         module_name, params, out, reports, existing = pickle.loads(payload)

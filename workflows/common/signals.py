@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -52,6 +52,29 @@ def install() -> dict:
             raise Interrupted(signum)
 
     return {signum: signal.signal(signum, handle) for signum in obeyed()}
+
+
+@contextmanager
+def blocked(signums: Collection[int] = HANDLED) -> Iterator[None]:
+    """Let these signals wait until the end of the block.
+
+    A thread that starts in the block never gets them: they wake the main thread. A process that starts in the block
+    gets them once it says so, as by `unblock`.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows has no signal masks
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signums)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def unblock() -> None:
+    """Get the signals HANDLED, also if the thread that started this process left them to another one."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, HANDLED)
 
 
 def restore(previous: dict) -> None:

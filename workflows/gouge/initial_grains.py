@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import taichi_lsm as lsm
-from workflows.common.parallel_runs import Progress
 from workflows.common.refusals import in_terms_of
+from workflows.common.reports import Progress
 from workflows.gouge.parameters import Params
 
 if TYPE_CHECKING:

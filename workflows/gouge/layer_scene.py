@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.parallel_runs import Progress
 from workflows.common.parameters import option_name
 from workflows.common.refusals import check_idle, in_terms_of
+from workflows.common.reports import Progress
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
 from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, SPRINGS, Params

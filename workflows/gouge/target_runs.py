@@ -11,9 +11,10 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, number, read_summary, write_summary
-from workflows.common.parallel_runs import Progress, run_replicas
+from workflows.common.parallel_runs import run_replicas
 from workflows.common.parameter_coordinates import columns_of, parameter_coordinates
 from workflows.common.refusals import derived
+from workflows.common.reports import Progress
 from workflows.common.run_folder import Existing, run_folder
 from workflows.common.run_table import write_runs
 from workflows.common.stopwatch import Stopwatch

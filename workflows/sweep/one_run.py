@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from workflows.cli.exit_codes import BAD_INPUT, COMPLETE
+from workflows.common.exit_codes import BAD_INPUT, COMPLETE
 from workflows.common.parallel_runs import ONE_THREAD
 from workflows.common.run_folder import is_begun, is_complete
 

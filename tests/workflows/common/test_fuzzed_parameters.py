@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 
 from taichi_lsm.core.errors import InputError
 from tests.helpers import fuzzed_parameters
-from workflows.cli.discovery import find_workflows
+from workflows.common.discovery import find_workflows
 from workflows.common.parameters import ParameterError, merge, to_toml
 from workflows.common.run_cost import RunCost
 

@@ -120,7 +120,7 @@ def test_the_children_flush_when_their_parent_is_asked_to_end_or_killed(plugins,
     script = tmp_path / "parent.py"
     script.write_text(
         "import sys\n"
-        "from workflows.cli import discovery\n"
+        "from workflows.common import discovery\n"
         "from workflows.common import parallel_runs, signals\n"
         "if __name__ == '__main__':\n"
         "    toy = discovery.find_workflows()['toy-run']\n"

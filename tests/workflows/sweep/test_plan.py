@@ -3,8 +3,8 @@
 import pytest
 
 from taichi_lsm.core.errors import InputError
-from workflows.cli.discovery import find_workflows
 from workflows.cli.main import main
+from workflows.common.discovery import find_workflows
 from workflows.common.parameters import merge
 from workflows.sweep.plan import plan_of
 

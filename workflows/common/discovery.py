@@ -1,7 +1,7 @@
 """Workflows are found, not registered: every module that defines `Params` and `run` is a command.
 
 LSM_PLUGINS=DIR adds DIR/workflows/*.py. They become modules of this package (`workflows.<name>`), so that a
-replica in a process of its own can import them by name as well.
+run in a process of its own can import them by name as well.
 """
 
 import ast
@@ -83,24 +83,38 @@ def load_path() -> None:
 def find_workflows() -> dict[str, ModuleType]:
     """Command name -> module of every workflow; raises DiscoveryError that names the file."""
     load_path()
-    found = {}
-    for path in workflow_files():
-        try:
-            module = importlib.import_module(f"workflows.{path.stem}")
-        except (Exception, SystemExit) as error:
-            where = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
-            line = f", line {where[-1].lineno}" if where else ""
-            raise DiscoveryError(
-                f"{path}{line}: cannot be imported: {type(error).__name__}: {reason(error)}"
-            ) from error
-        if not (isinstance(module.Params, type) and issubclass(module.Params, Params)):
-            raise DiscoveryError(f"{path}: Params must be a subclass of workflows.common.parameters.Params.")
-        if list(inspect.signature(module.run).parameters) != list(RUN_TAKES):
-            raise DiscoveryError(f"{path}: run must take {', '.join(RUN_TAKES)}, in this order.")
-        missing = [f"{hook}(params)" for hook in HOOKS if not callable(getattr(module, hook, None))]
-        if missing:
-            raise DiscoveryError(
-                f"{path}: {' and '.join(missing)} must be defined too, as under 'Add an experiment' in CONTRIBUTING.md."
-            )
-        found[path.stem.replace("_", "-")] = module
-    return found
+    return {command_of(path.stem): _loaded(path) for path in workflow_files()}
+
+
+def workflow(command: str) -> ModuleType:
+    """The module of one workflow, without loading the others; raises DiscoveryError that names it or its file."""
+    load_path()
+    files = {command_of(path.stem): path for path in workflow_files()}
+    if command not in files:
+        raise DiscoveryError(f"{command}: unknown experiment, must be one of {', '.join(files)}; set {PLUGINS}.")
+    return _loaded(files[command])
+
+
+def command_of(module_name: str) -> str:
+    """Name of the command of a module: `workflows.shear_gouge` is shear-gouge."""
+    return module_name.rpartition(".")[2].replace("_", "-")
+
+
+def _loaded(path: Path) -> ModuleType:
+    """The module in a file, if it has all that a workflow needs."""
+    try:
+        module = importlib.import_module(f"workflows.{path.stem}")
+    except (Exception, SystemExit) as error:
+        where = [f for f in traceback.extract_tb(error.__traceback__) if f.filename == str(path)]
+        line = f", line {where[-1].lineno}" if where else ""
+        raise DiscoveryError(f"{path}{line}: cannot be imported: {type(error).__name__}: {reason(error)}") from error
+    if not (isinstance(module.Params, type) and issubclass(module.Params, Params)):
+        raise DiscoveryError(f"{path}: Params must be a subclass of workflows.common.parameters.Params.")
+    if list(inspect.signature(module.run).parameters) != list(RUN_TAKES):
+        raise DiscoveryError(f"{path}: run must take {', '.join(RUN_TAKES)}, in this order.")
+    missing = [f"{hook}(params)" for hook in HOOKS if not callable(getattr(module, hook, None))]
+    if missing:
+        raise DiscoveryError(
+            f"{path}: {' and '.join(missing)} must be defined too, as under 'Add an experiment' in CONTRIBUTING.md."
+        )
+    return module

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from workflows.cli.discovery import DiscoveryError, find_workflows
+from workflows.common.discovery import DiscoveryError, find_workflows
 
 ROOT = Path(__file__).parents[3]
 
@@ -63,7 +63,7 @@ def test_a_missing_plugin_folder_is_named(monkeypatch, tmp_path):
 
 def test_finding_imports_neither_taichi_nor_the_plotting(plugins):
     code = (
-        "import sys; from workflows.cli.discovery import find_workflows; print(*find_workflows());"
+        "import sys; from workflows.common.discovery import find_workflows; print(*find_workflows());"
         "print(*({'taichi', 'xarray', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
