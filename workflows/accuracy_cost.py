@@ -23,8 +23,8 @@ from workflows.accuracy import Trial, collisions, gas, gouge, outlines
 from workflows.accuracy.curves import curves
 from workflows.accuracy.total_cost import total_cost
 from workflows.accuracy.trials_file import write_trials
+from workflows.common.fresh_processes import fresh_processes, in_fresh_process
 from workflows.common.metrics import Metric, write_summary
-from workflows.common.parallel_runs import fresh_processes, in_fresh_process
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
 from workflows.common.reports import Progress

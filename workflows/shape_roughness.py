@@ -22,8 +22,8 @@ import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.common import signals
 from workflows.common.child_reports import child_reports
+from workflows.common.fresh_processes import in_fresh_process
 from workflows.common.metrics import Metric, metrics_of_estimate, number, write_summary
-from workflows.common.parallel_runs import in_fresh_process
 from workflows.common.parameter_files import CONFIG
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import checked

@@ -12,13 +12,10 @@ import pickle
 import signal
 import sys
 import tempfile
-import threading
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
@@ -30,6 +27,7 @@ from typing import Any, ParamSpec, TypeVar
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.common import discovery, signals
 from workflows.common.exit_codes import reason_of
+from workflows.common.fresh_processes import end_with_parent
 from workflows.common.reports import Progress, as_dict
 from workflows.common.run_folder import is_begun, is_done
 
@@ -120,57 +118,6 @@ def run_replicas(
     if failures:
         raise ReplicaError({label: failures[label] for label in labels if label in failures})
     return [Path(job[3]) for job in jobs]
-
-
-class _FreshProcesses(ProcessPoolExecutor):
-    """A pool whose processes leave Ctrl-C, which a terminal sends to all of them, to this one."""
-
-    def submit(self, fn, /, *arguments, **options):
-        # A process that starts here inherits what is blocked, and so does the thread that starts those after it.
-        with signals.blocked({signal.SIGINT}):
-            return super().submit(fn, *arguments, **options)
-
-
-@contextmanager
-def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of `count` processes with a fresh one for every call: Taichi is started once per process.
-
-    Raises
-    ------
-    SimulationError
-        If a process was killed.
-    """
-    spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
-    try:
-        with _FreshProcesses(count, mp_context=spawn, initializer=_end_with_parent, max_tasks_per_child=1) as pool:
-            try:
-                yield pool
-            except (signals.Interrupted, OSError):  # what runs is given up, or the pool would wait for all of it
-                for child in multiprocessing.active_children():
-                    child.terminate()
-                # Its thread and semaphores end here: a further signal while Python exits would leave them behind.
-                pool.shutdown(wait=True, cancel_futures=True)
-                raise
-    except BrokenProcessPool as error:
-        raise SimulationError("a process of the run was killed, perhaps for want of memory") from error
-
-
-def in_fresh_process(function: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-    """What a function returns in a process of its own, beside which this one only waits."""
-    with fresh_processes(1) as pool:
-        return pool.submit(function, *arguments, **options).result()
-
-
-def _end_with_parent() -> None:
-    """Make this process end, as if asked by SIGTERM, once the one that started it is gone, be it killed."""
-    parent = multiprocessing.parent_process()
-
-    def wait_for_it() -> None:
-        if parent is not None:
-            parent.join()
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=wait_for_it, daemon=True).start()
 
 
 def _start(job: Job, log: Path, reports: bool, resume: bool, running: list[_Running]) -> None:
@@ -281,7 +228,7 @@ def _child(label: str, payload: bytes, pipe: Any, log: str) -> None:
     try:
         signals.install()
         signals.unblock()
-        _end_with_parent()
+        end_with_parent()
         discovery.load_path()
         module_name, params, out, reports, existing = pickle.loads(payload)
         Path(out).mkdir(parents=True, exist_ok=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
-from workflows.common.parallel_runs import fresh_processes
+from workflows.common.fresh_processes import fresh_processes
 from workflows.common.parameters import Params
 from workflows.common.run_folder import PARTS, Existing, begin_run, run_folder
 from workflows.common.stopwatch import Stopwatch

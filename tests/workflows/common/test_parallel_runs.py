@@ -73,42 +73,6 @@ def test_a_run_that_fails_says_why_without_a_traceback(toy, tmp_path):
     assert disk.startswith("a file could not be read or written") and "No space left" in disk and "\n" not in disk
 
 
-def test_an_interrupted_pool_ends_without_a_word(tmp_path):
-    """A terminal sends Ctrl-C to all processes, also while they start; nothing of the pool is left after it."""
-    script = tmp_path / "parent.py"
-    script.write_text(
-        "import multiprocessing, os, pathlib, sys, threading, time\n"
-        "if __name__ == '__mp_main__':\n"
-        "    pathlib.Path(f'importing-{os.getpid()}').touch()\n"
-        "    time.sleep(60)\n"
-        "from workflows.common import signals\n"
-        "from workflows.common.parallel_runs import fresh_processes\n"
-        "if __name__ == '__main__':\n"
-        "    signals.install()\n"
-        "    try:\n"
-        "        with fresh_processes(2) as pool:\n"
-        "            waiting = [pool.submit(time.sleep, 60) for _ in range(3)]\n"
-        "            waiting[0].result()\n"
-        "    except signals.Interrupted as interrupted:\n"
-        "        print(threading.active_count(), len(multiprocessing.active_children()))\n"
-        "        sys.exit(128 + interrupted.signum)\n"
-    )
-    parent = subprocess.Popen(
-        [sys.executable, str(script)],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    wait_until(lambda: len(list(tmp_path.glob("importing-*"))) == 2, parent)
-    os.killpg(parent.pid, signal.SIGINT)
-    left, problems = parent.communicate(timeout=20)
-    assert parent.returncode == 128 + signal.SIGINT
-    assert left == "1 0\n" and problems == ""  # threads and processes
-
-
 def test_labels_must_differ(toy, tmp_path):
     job = ("same", "workflows.toy_run", toy.Params(), tmp_path / "x")
     with pytest.raises(ValueError, match="same"):
@@ -139,40 +103,9 @@ def test_the_children_flush_when_their_parent_is_asked_to_end_or_killed(plugins,
     assert not (tmp_path / "c").exists()
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks /proc which processes are alive")
-def test_a_pool_ends_when_its_parent_is_killed(tmp_path):
-    script = tmp_path / "parent.py"
-    script.write_text(
-        "import os, pathlib, time\n"
-        "from workflows.common.parallel_runs import fresh_processes\n"
-        "def sleep():\n"
-        "    pathlib.Path(f'child-{os.getpid()}').touch()\n"
-        "    time.sleep(60)\n"
-        "if __name__ == '__main__':\n"
-        "    with fresh_processes(2) as pool:\n"
-        "        waiting = [pool.submit(sleep) for _ in range(3)]\n"
-        "        waiting[0].result()\n"
-    )
-    parent = subprocess.Popen([sys.executable, str(script)], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)})
-    wait_until(lambda: len(list(tmp_path.glob("child-*"))) == 2, parent)
-    children = [int(path.name.split("-")[1]) for path in tmp_path.glob("child-*")]
-    parent.kill()
-    parent.wait(timeout=20)
-    wait_until(lambda: not any(is_alive(pid) for pid in children))
-
-
 def wait_until(condition, process=None):
     """Wait for a condition, of a process that must not end before."""
     deadline = time.monotonic() + 20
     while not condition():
         assert (process is None or process.poll() is None) and time.monotonic() < deadline
         time.sleep(0.05)
-
-
-def is_alive(pid):
-    """Whether a process is there and no zombie."""
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
-    except (FileNotFoundError, ProcessLookupError):
-        return False
-    return state != "Z"
