@@ -14,7 +14,7 @@ import taichi_lsm as lsm
 import workflows
 from taichi_lsm.core.errors import InputError
 from workflows import hard
-from workflows.common import fresh_processes
+from workflows.common import fresh_processes, parallel_runs
 from workflows.common.discovery import find_workflows
 from workflows.common.former_names import FORMER
 from workflows.common.parameter_types import choices
@@ -52,6 +52,7 @@ def test_run_takes_parameters_a_folder_a_progress_and_whether_it_may_overwrite(m
 def begins_only(monkeypatch):
     """Experiments end where they would make a simulation or a process."""
     monkeypatch.setattr(lsm, "Simulation", None)
+    monkeypatch.setattr(parallel_runs, "carry_out", None)
     monkeypatch.setattr(fresh_processes.multiprocessing, "get_context", None)
 
 

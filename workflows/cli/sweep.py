@@ -16,11 +16,11 @@ from workflows.cli.execution import complain
 from workflows.common import signals
 from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.one_run import COMPLETED, Limits, Outcome
 from workflows.common.run_folder import check_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.common.toml_writer import to_toml
 from workflows.sweep.drive import AGAIN, config_of, counts, drive, folder_of
-from workflows.sweep.one_run import COMPLETED, Limits, Outcome
 from workflows.sweep.plan import PlannedRun, SweepPlan, plan_of
 from workflows.sweep.table import write_sweep
 

@@ -1,4 +1,4 @@
-"""Reports from processes of a pool, shown by the process that waits for their results.
+"""Reports from child processes, shown by the process that waits for them.
 
 A process appends its reports to a file, one JSON object a line, and a thread of the waiting process reads them from
 there: a file needs no connection that could outlive either side.
@@ -53,6 +53,7 @@ class ChildReports:
     def __init__(self, path: Path | None, progress: Progress | None) -> None:
         self._path, self._progress = path, progress
         self._read = 0  # bytes
+        self._last: dict[str, dict[str, Any]] = {}  # by label
         self._showing = threading.Lock()
 
     def of(self, label: str) -> ReportFile:
@@ -65,6 +66,11 @@ class ChildReports:
             self._show_new()
             if self._progress:
                 self._progress(report)
+
+    def show_end(self, label: str, state: str) -> None:
+        """Show the last report of a part again, with the state in which it has ended."""
+        self.show_new()
+        self.show(self._last.get(label, {"label": label}) | {"state": state})
 
     def show_new(self) -> None:
         """Show what the children have reported since the last time."""
@@ -81,6 +87,7 @@ class ChildReports:
                     report = json.loads(line)
                 except ValueError:  # a full disk has cut it
                     continue
+                self._last[report.get("label", "")] = report
                 self._progress(report)
 
     def _lines(self) -> list[bytes]:

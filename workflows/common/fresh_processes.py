@@ -1,4 +1,7 @@
-"""Calls of functions in fresh processes: Taichi is started once per process, and what it took ends with it."""
+"""Calls of functions in fresh processes: Taichi is started once per process, and what it took ends with it.
+
+Whole runs, which have a folder and parameters, are carried out by `workflows.common.one_run` instead.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     spawn = multiprocessing.get_context("spawn")  # Taichi hangs in a fork
     _start_silent_tracker()
     try:
-        with _FreshProcesses(count, mp_context=spawn, initializer=end_with_parent, max_tasks_per_child=1) as pool:
+        with _FreshProcesses(count, mp_context=spawn, initializer=_end_with_parent, max_tasks_per_child=1) as pool:
             try:
                 yield pool
             except (signals.Interrupted, OSError):  # what runs is given up, or the pool would wait for all of it
@@ -70,7 +73,7 @@ def in_fresh_process(function: Callable[P, T], *arguments: P.args, **options: P.
         return pool.submit(function, *arguments, **options).result()
 
 
-def end_with_parent() -> None:
+def _end_with_parent() -> None:
     """Make this process end, as if asked by SIGTERM, once the one that started it is gone, be it killed."""
     parent = multiprocessing.parent_process()
 

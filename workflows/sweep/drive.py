@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from taichi_lsm.core.errors import SimulationError
+from workflows.common.one_run import COMPLETED, FAILED, KILLED, REFUSED, Limits, Outcome, carry_out
 from workflows.common.run_folder import is_complete
 from workflows.sweep.cluster import client_of
-from workflows.sweep.one_run import COMPLETED, FAILED, KILLED, Limits, Outcome, carry_out
 from workflows.sweep.plan import PlannedRun, SweepPlan
 
-REFUSED = "refused"  # status of a run whose parameters contradict each other
 AGAIN = "begun again"  # of a run that was killed
 LOST_S = 600.0  # for which a scheduler that is gone is waited for
 

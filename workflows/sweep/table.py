@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import taichi_lsm as lsm
 from workflows.common.metrics import read_summary
+from workflows.common.one_run import COMPLETED, Outcome
 from workflows.common.parameter_coordinates import RENAMED, columns_of, parameter_coordinates
 from workflows.sweep.drive import folder_of
-from workflows.sweep.one_run import COMPLETED, Outcome
 from workflows.sweep.plan import PlannedRun, SweepPlan
 
 if TYPE_CHECKING:

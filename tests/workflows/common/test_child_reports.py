@@ -30,6 +30,17 @@ def test_reports_of_a_child_come_before_its_end(tmp_path, shown):
     assert shown == [first, {"label": "a", "state": "done"}, {"stage": "half a report"}]
 
 
+def test_the_end_of_a_part_is_shown_with_its_last_report(tmp_path, shown):
+    path = tmp_path / "reports"
+    path.touch()
+    reports = ChildReports(path, shown.append)
+    reports.of("a")({"strain": 0.5})
+    reports.of("b")({"strain": 0.7})
+    reports.show_end("a", "done")
+    reports.show_end("c", "failed")
+    assert shown[2:] == [{"strain": 0.5, "label": "a", "state": "done"}, {"label": "c", "state": "failed"}]
+
+
 def test_many_writers_do_not_mix(tmp_path, shown):
     path = tmp_path / "reports"
     path.touch()

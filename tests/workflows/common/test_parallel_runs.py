@@ -79,26 +79,61 @@ def test_labels_must_differ(toy, tmp_path):
         run_replicas([job, job])
 
 
+PARENT = """
+import sys, threading
+from workflows.common import discovery, parallel_runs, signals
+toy = discovery.find_workflows()["toy-run"]
+signals.install()
+shown = []
+jobs = [(name, "workflows.toy_run", toy.Params(act="wait"), name) for name in ("a", "b", "c")]
+try:
+    parallel_runs.run_replicas(jobs, progress=shown.append)
+except signals.Interrupted as interrupted:
+    print(threading.active_count(), *sorted(r["label"] + r["state"] for r in shown), flush=True)
+    sys.exit(128 + interrupted.signum)
+"""
+
+
+def parent_of_runs(tmp_path):
+    """A process that makes three runs which wait, two at a time; in a group of its own, as a terminal starts it."""
+    return subprocess.Popen(
+        [sys.executable, "-c", PARENT],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+@pytest.mark.parametrize("while_they", ["start", "run"])
+def test_ctrl_c_of_a_terminal_ends_all_processes_without_a_word(plugins, tmp_path, while_they):
+    """It goes to all of them at once, and comes from the parent as well."""
+    if while_they == "start":
+        with (plugins / "toy_run.py").open("a") as toy:
+            toy.write("import sys\nif 'run_child' in sys.argv[0]:\n")
+            toy.write("    Path(f'importing-{os.getpid()}').touch()\n    time.sleep(60)\n")
+    signs = "importing-*" if while_they == "start" else "*/ready"
+    parent = parent_of_runs(tmp_path)
+    wait_until(lambda: len(list(tmp_path.glob(signs))) == 2, parent)
+    os.killpg(parent.pid, signal.SIGINT)
+    left, problems = parent.communicate(timeout=20)
+    assert parent.returncode == 128 + signal.SIGINT
+    assert left == "1 astarted bstarted\n" and problems == ""  # threads and reports
+    with pytest.raises(ProcessLookupError):  # no process of the group is left
+        os.killpg(parent.pid, 0)
+    assert len(list(tmp_path.glob("*/flushed"))) == (0 if while_they == "start" else 2)
+    assert not (tmp_path / "c").exists()
+
+
 @pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGKILL])
 def test_the_children_flush_when_their_parent_is_asked_to_end_or_killed(plugins, tmp_path, signum):
-    script = tmp_path / "parent.py"
-    script.write_text(
-        "import sys\n"
-        "from workflows.common import discovery\n"
-        "from workflows.common import parallel_runs, signals\n"
-        "if __name__ == '__main__':\n"
-        "    toy = discovery.find_workflows()['toy-run']\n"
-        "    signals.install()\n"
-        "    jobs = [(n, 'workflows.toy_run', toy.Params(act='wait'), n) for n in ('a', 'b', 'c')]\n"
-        "    try:\n"
-        "        parallel_runs.run_replicas(jobs)\n"
-        "    except signals.Interrupted as interrupted:\n"
-        "        sys.exit(128 + interrupted.signum)\n"
-    )
-    parent = subprocess.Popen([sys.executable, str(script)], env={**os.environ, "PYTHONPATH": str(ROOT)})
+    parent = parent_of_runs(tmp_path)
     wait_until(lambda: all((tmp_path / name / "ready").exists() for name in "ab"), parent)
     parent.send_signal(signum)
-    assert parent.wait(timeout=20) == (128 + signum if signum == signal.SIGTERM else -signum)
+    parent.communicate(timeout=20)
+    assert parent.returncode == (128 + signum if signum == signal.SIGTERM else -signum)
     wait_until(lambda: all((tmp_path / name / "flushed").exists() for name in "ab"))
     assert not (tmp_path / "c").exists()
 

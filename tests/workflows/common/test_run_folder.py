@@ -93,6 +93,7 @@ def test_every_file_that_the_code_names_is_known():
     named -= {"scene.py", "settled.nc"}  # the folder of the package; within one hard case, in a folder of its own
     assert {f"{name}.nc" for name in CHECKPOINTS} == {checkpoints.LAST, checkpoints.PREVIOUS, checkpoints.NEW}
     named -= {"composed.nc", "fresh.nc", "{name}.json"}  # in memory; in the folder of parts
+    named -= {"{i}.toml"}  # in a temporary folder
     named -= {".{CONFIG}.part", "{name}.nc", "{name}.svg"}  # .config.toml.part; checkpoints, pictures
     named -= {"sweep.nc", "{run.label}.toml"}  # of a sweep, whose folder nothing overwrites
     assert named <= WRITTEN, named - WRITTEN

@@ -1,19 +1,15 @@
 """A sweep of a toy on workers of this machine: what fails is told, what is complete is not repeated."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
 from workflows.cli.main import main
-from workflows.sweep.one_run import COMPLETED, FAILED, KILLED, Limits, carry_out
+from workflows.common.one_run import COMPLETED
 
 pytestmark = pytest.mark.usefixtures("toy")
 
@@ -50,48 +46,3 @@ def test_a_sweep_tells_of_every_run_and_repeats_only_what_failed(tmp_path, capsy
     assert {path: path.stat().st_mtime_ns for path in (out / "runs" / "1").iterdir()} == kept
     file.write_text(SWEEP.replace("10", "11"))
     assert main(command) == 2 and "holds another sweep" in capsys.readouterr().err
-
-
-def config(tmp_path, **values):
-    lines = [f"{name} = {json.dumps(value)}" for name, value in values.items()]
-    (tmp_path / "run.toml").write_text("\n".join(lines))
-    (tmp_path / "run").mkdir()
-    return "toy-run", str(tmp_path / "run.toml"), str(tmp_path / "run")
-
-
-@pytest.mark.validate  # waits
-def test_a_run_that_takes_too_long_or_too_much_is_stopped_and_may_write_its_files(tmp_path):
-    outcome = carry_out(*config(tmp_path, act="wait"), Limits(seconds=3.0))
-    assert outcome.status == FAILED and outcome.note == "it ran for more than 3 s, the limit"
-    assert not (tmp_path / "run" / "ready").exists() or (tmp_path / "run" / "flushed").exists()
-
-
-def test_a_run_that_takes_too_much_memory_is_stopped(tmp_path):
-    outcome = carry_out(*config(tmp_path, act="wait"), Limits(memory=1e6))
-    assert outcome.status == FAILED and "GB of memory, the limit is 0.001 GB" in outcome.note
-
-
-@pytest.mark.validate  # as in the sweep above
-def test_a_run_that_is_killed_is_told_apart_from_one_that_fails(tmp_path):
-    assert carry_out(*config(tmp_path, act="kill"), Limits()).status == KILLED
-
-
-def test_a_run_ends_with_its_worker(tmp_path):
-    """Killed, it leaves no run behind that would hold the folder."""
-    given = config(tmp_path, act="wait")
-    code = f"from workflows.sweep.one_run import *\ncarry_out(*{given!r}, Limits())"
-    worker = subprocess.Popen(
-        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
-    )
-    wait_for(tmp_path / "run" / "ready")
-    worker.send_signal(signal.SIGKILL)
-    worker.wait(20)
-    wait_for(tmp_path / "run" / "flushed")
-
-
-def wait_for(path):
-    """Wait until a file is there."""
-    deadline = time.monotonic() + 30
-    while not path.exists():
-        assert time.monotonic() < deadline, path
-        time.sleep(0.05)
