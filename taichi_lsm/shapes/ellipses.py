@@ -23,7 +23,8 @@ from .polygon_fit import arc_chain, closed_radii
 
 SAMPLES = 8  # normals per arc at which the support function is fitted
 CLOSURE_WEIGHT = 1e4  # of the open end against one sample; what it leaves is removed afterwards
-LARGEST_RADIUS = 10.0  # in equivalent diameters
+LARGEST_RADIUS = 10.0  # in equivalent diameters, unless a long body is flatter at its sides
+FLATTER = 20.0  # radius of the sides of a superellipse over that of the ellipse of the same axes, at most
 EXPONENTS = (1.2, 20.0)
 GREATEST_ASPECT = 20.0
 FEWEST_ARCS = 8
@@ -95,7 +96,8 @@ def superellipse(aspect: float, exponent: float, arcs: int = 30, *, corner_radiu
     Returns
     -------
     ArcChain
-        Shape of equivalent diameter 1, body frame; no radius exceeds 10 equivalent diameters.
+        Shape of equivalent diameter 1, body frame; with an exponent of 4 the aspect is within 3 % up to 20, of 60 arcs
+        within 0.3 %.
 
     Raises
     ------
@@ -119,7 +121,9 @@ def _check(aspect: float, exponent: float, arcs: int) -> None:
 def _oval(aspect: float, exponent: float, arcs: int, least: float, name: str) -> ArcChain:
     """The chain of `arcs` arcs nearest to a superellipse, none sharper than `least`."""
     breaks = _oval_breaks(aspect, exponent, arcs)
-    radii, _ = fit_support(breaks, lambda n: superellipse_support(aspect, exponent, n), least, LARGEST_RADIUS)
+    a, b = _semi_axes(aspect, exponent)
+    most = max(LARGEST_RADIUS, FLATTER * a * a / b)
+    radii, _ = fit_support(breaks, lambda n: superellipse_support(aspect, exponent, n), least, most)
     return arc_chain(breaks, radii, name=name)
 
 

@@ -194,12 +194,14 @@ def from_polygon(
     side_half_width : float
         Each side gets one arc that turns by this angle [rad] to either side of its normal, above 0 and below pi/2;
         less beside blunt corners and where the side would bulge by more than an eighth of the width of the polygon.
+        With 3 degrees, the default, extents are those of the polygon, but the area of a square is 2 % less and that of
+        a box of 10 to 1 8 %, the inertia 4 % and 15 %; with 2e-4 all are within 1 %.
     arcs_per_corner : int
         Number of equal arcs of each corner, >= 1.
     largest_radius : float, optional
         Bound on the radius of every arc, in equivalent diameters of the polygon; a side that it cannot span is cut
-        short. By default 10, which costs less than 1 % of the area, but what spans them for sides that need more than
-        11.65, which are those longer than 1.22 diameters if `side_half_width` is 3 degrees.
+        short. By default 10, whose cuts cost less than 1 % of the area, but what spans them for sides that need more
+        than 11.65, which are those longer than 1.22 diameters if `side_half_width` is 3 degrees.
     name : str
         What pictures and files call the shape.
     normalise : bool

@@ -17,6 +17,8 @@ FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the b
 ON_PLANE = 1e-7  # of the size: the library that finds the corners merges planes that nearly meet in one
 LEAST_FACE = 1e-3  # of a tile's squared size: smaller faces are left to the rounding
 LEAST_SECTION = 1e-2  # of the mean cross-section parallel to the face: likewise
+STRETCHED = 0.75  # power of the axes: 0 gives even normals, 1 points as even as on a sphere that is stretched
+LARGEST_MISFIT = 0.1  # of the extents of an ellipsoid
 LARGEST_BULGE = 0.125  # of the width of the body: by how much a face may stand out
 
 
@@ -41,7 +43,9 @@ def from_planes(
         Radius of edges and vertices [L], above 0 and below the radius of the largest ball within the planes.
     flatness : float, optional
         Radius of the balls of the faces in sizes of the body, > 0; by default 5, and for long or flat bodies as much
-        as keeps every face from standing out by more than an eighth of the width of the body there.
+        as keeps every face from standing out by more than an eighth of the width of the body there. Then extents are
+        those of the planes, but the volume of a cube is 9 % less and that of a rod of 26 to 1 16 %, the moments of
+        inertia up to 17 % and 28 %; with 2000 all are within 1 %.
     name : str
         What pictures and files call the shape.
     normalise : bool
@@ -178,19 +182,40 @@ def superellipsoid(
     check_between("exponent", exponent, 1.2, 20.0)
     check_at_least("faces", faces, 6)
     check_positive("corner_radius", corner_radius)
-    # Points of the surface with even normals n: the gradient of h(n) = (sum of |a_i n_i|^q)^(1/q), 1/p + 1/q = 1.
-    n = even_directions(faces)
+    # Points of the surface with normals n: the gradient of h(n) = (sum of |a_i n_i|^q)^(1/q), 1/p + 1/q = 1.
+    n = even_directions(faces) / a**STRETCHED
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
     q = exponent / (exponent - 1.0)
     y = np.abs(n) * a
     h = (y**q).sum(axis=1) ** (1.0 / q)
     points = np.sign(n) * a * y ** (q - 1.0) * h[:, None] ** (1.0 - q)
     size = 2.0 * a.prod() ** (1.0 / 3.0)
     family = "ellipsoid" if exponent == 2.0 else "superellipsoid"
-    return tangent_ball_polyhedron(points, n, corner_radius * size, name=name or f"{family} of {faces} faces")
+    try:
+        shape = tangent_ball_polyhedron(points, n, corner_radius * size, name=name or f"{family} of {faces} faces")
+    except InputError as error:
+        raise InputError(f"axes = {a.tolist()}: {faces} balls give no closed body, as {error}; raise faces") from error
+    _require_extents(shape, a, faces, corner_radius)
+    return shape
+
+
+def _require_extents(shape: BallPolyhedron, axes: NDArray, faces: int, corner_radius: float) -> None:
+    """Refuse a body whose extents, but for its size, are not those of the axes (3,): it would be another one."""
+    got = np.sort(shape.support(np.eye(3)) + shape.support(-np.eye(3)))
+    wanted = np.sort(axes) / np.cbrt(axes.prod()) * np.cbrt(got.prod())
+    off = np.abs(got / wanted - 1.0).max()
+    if off > LARGEST_MISFIT:
+        raise InputError(
+            f"axes = {axes.tolist()} of {faces} faces with a corner radius of {corner_radius:g}: extents are "
+            f"{100 * off:.0f} % off, must be within {100 * LARGEST_MISFIT:.0f} %; raise faces or lower corner_radius"
+        )
 
 
 def ellipsoid(axes: ArrayLike, faces: int = 60, corner_radius: float = 0.05) -> BallPolyhedron:
     """An ellipsoid fitted with tangent balls.
+
+    Of 60 faces the extents are within 2 % up to axes of 10 to 1, and of 150 faces within 1.2 %; a rim that is sharper
+    than the corner radius is cut: flat bodies need a smaller one.
 
     Parameters
     ----------
@@ -209,7 +234,7 @@ def ellipsoid(axes: ArrayLike, faces: int = 60, corner_radius: float = 0.05) -> 
     Raises
     ------
     InputError
-        If a value is out of range or the balls give no closed surface.
+        If a value is out of range, the balls give no closed surface, or its extents are more than 10 % off.
     """
     return superellipsoid(axes, 2.0, faces, corner_radius)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.shapes import crossed_bars, ellipse, ellipsoid, from_planes, from_polygon
+from taichi_lsm.shapes import crossed_bars, ellipse, ellipsoid, from_planes, from_polygon, superellipse
 
 PLANES = np.concatenate([np.eye(3), -np.eye(3)])
 BOXES_2D = {f"box {a:g}:1": 0.5 * np.array([(-a, -1), (a, -1), (a, 1), (-a, 1)]) for a in (1.0, 1.9, 4.0, 10.0, 26.0)}
@@ -50,6 +50,23 @@ def test_bulging_sides_give_the_polygon_less_their_bulges(name):
     assert shape.measure == pytest.approx(length * width - bulges - (4 - np.pi) * 0.05**2, rel=0.01)
 
 
+@pytest.mark.parametrize(("length", "area", "polar"), [(1.0, 0.98, 0.96), (10.0, 0.92, 0.85)])
+def test_the_area_of_bulging_sides_is_what_the_docstring_says(length, area, polar):
+    vertices = 0.5 * np.array([(-length, -1), (length, -1), (length, 1), (-length, 1)])
+    shape = from_polygon(vertices, 0.02, normalise=False)
+    whole, moment = polygon_moments(vertices)
+    assert (shape.measure / whole, shape.inertia[0] / moment) == pytest.approx((area, polar), abs=0.006)
+
+
+@pytest.mark.parametrize(("length", "volume", "largest"), [(1, 0.91, 0.83), (26, 0.84, 0.72)])
+def test_the_volume_of_bulging_faces_is_what_the_docstring_says(length, volume, largest):
+    a = np.array((length, 1.0, 1.0))
+    shape = from_planes(PLANES, 0.5 * np.concatenate([a, a]), 0.02, normalise=False)
+    squares = a.prod() * a**2 / 12
+    moments = np.sort(shape.inertia) / np.sort(squares.sum() - squares)
+    assert (shape.measure / a.prod(), moments.min()) == pytest.approx((volume, largest), abs=0.006)
+
+
 @pytest.mark.parametrize("sides", BOXES_3D, ids=str)
 def test_flat_faces_give_the_box(sides):
     a = np.array(sides, float)
@@ -75,6 +92,36 @@ def test_bars_of_a_cross_are_as_slender_as_asked(arm_ratio):
     bar = crossed_bars(arm_ratio, 0.02).parts[0]
     points = bar.outline(20_000)
     assert np.divide(*np.ptp(points, axis=0)) == pytest.approx(arm_ratio, rel=0.01)
+
+
+@pytest.mark.parametrize("aspect", [2.0, 10.0, 20.0])
+@pytest.mark.parametrize("arcs", [30, 60])
+def test_long_ellipses_are_as_long_as_asked(aspect, arcs):
+    shape = ellipse(aspect, arcs)
+    assert np.divide(*extents(shape, np.eye(2))) == pytest.approx(aspect, rel=0.01)
+    assert shape.inertia[0] == pytest.approx(np.pi / 64 * (aspect + 1 / aspect), rel=0.01)
+
+
+@pytest.mark.parametrize("aspect", [4.0, 10.0, 20.0])
+@pytest.mark.parametrize(("arcs", "within"), [(30, 0.03), (60, 0.003)])
+def test_long_superellipses_are_as_long_as_asked(aspect, arcs, within):
+    assert np.divide(*extents(superellipse(aspect, 4.0, arcs), np.eye(2))) == pytest.approx(aspect, rel=within)
+
+
+@pytest.mark.parametrize(
+    ("axes", "faces", "within"), [((10, 1, 1), 60, 0.02), ((4, 1, 1), 60, 0.01), ((10, 1, 1), 150, 0.012)]
+)
+def test_long_ellipsoids_are_as_long_as_asked(axes, faces, within):
+    got = np.sort(extents(ellipsoid(axes, faces), np.eye(3)))
+    half = np.sort(np.array(axes, float)) / np.cbrt(np.prod(axes))
+    assert got == pytest.approx(half, rel=within)
+
+
+def test_an_ellipsoid_that_would_be_another_body_is_refused():
+    with pytest.raises(lsm.InputError, match=r"axes = .*0.05\] of 60 faces .* 24 % off, must be within 10 %; raise"):
+        ellipsoid((1.0, 1.0, 0.05))
+    with pytest.raises(lsm.InputError, match=r"axes = .*0.01\]: 60 balls give no closed body, .*; raise faces"):
+        ellipsoid((1.0, 1.0, 0.01))
 
 
 def test_ellipses_and_ellipsoids_have_their_axes():
