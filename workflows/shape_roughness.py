@@ -80,7 +80,9 @@ class Params(BaseParams):
     layer_thickness: float = Field(default=12.0, ge=8, le=1e4, description="thickness of the layer [mean diameters]")
     length: float = Field(default=14.0, ge=6, le=1e5, description="periodic length along the shear [mean diameters]")
     inertial_number: float = Field(default=5e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
-    strain: float = Field(default=3.0, gt=0, le=1e4, description="shear strain to reach [1]")
+    strain: float = Field(
+        default=3.0, ge=1.12, le=1e4, description="shear strain to reach, of which the part beyond 1 is averaged [1]"
+    )
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {

@@ -97,6 +97,6 @@ def finite(value: Any) -> bool:
 
 def step_count(steps: Any) -> int:
     """Number of steps that a run is asked for, as an int; InputError unless it is a whole number >= 0."""
-    if not (finite(steps) and steps >= 0 and int(steps) == steps):
+    if isinstance(steps, bool) or not (finite(steps) and steps >= 0 and int(steps) == steps):
         raise InputError(f"Simulation.run: steps = {steps!r}, must be a whole number >= 0")
     return int(steps)

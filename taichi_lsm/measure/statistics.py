@@ -22,6 +22,7 @@ LEAST_EFFECTIVE, LEAST_CROSSINGS = 20, 10
 # time that is summed over five times itself, var(tau)/tau^2 = 10/n_eff, is 2 over them (Sokal 1997).
 SAMPLES_PER_FREEDOM = 5.0
 LEVEL = 0.95  # of the intervals
+LEAST_RUNS = 3  # that know no error of their own, whose scatter is taken for one
 
 
 class Estimate(NamedTuple):
@@ -150,7 +151,7 @@ def combine_replicas(
     means
         (n,) means of the single runs.
     standard_errors
-        (n,) their errors, nan where unknown; needed for n = 1 only.
+        (n,) their errors, nan where unknown; needed for n = 1 only. None: the means count alone.
     effective_samples
         (n,) independent samples of each run, from which its error is known; without them the errors count as exact.
 
@@ -161,7 +162,8 @@ def combine_replicas(
         pooled error of the runs, sqrt(mean of se_i^2)/sqrt(n). Few means agree by chance, and errors within runs do
         not know what differs between packings. The interval is the wider one of the two Student intervals, and
         degrees_of_freedom are those by which standard_error gives it. Runs with unknown errors are left out of the
-        pooled error. One run has its own error.
+        pooled error. One run has its own error. Two of which neither knows its own give none: that they agree may be
+        chance.
 
     Raises
     ------
@@ -197,6 +199,9 @@ def combine_replicas(
     between = Estimate(mean, float(means.std(ddof=1)) / math.sqrt(count), count, count - 1.0)
     if np.ptp(means) == 0 and math.isnan(within[0]):
         return Estimate(mean, math.nan, count, math.nan, "all runs are equal: give them other seeds")
+    if math.isnan(within[0]) and standard_errors is not None and count < LEAST_RUNS:
+        reason = f"{count} runs whose own errors are unknown, and which may agree by chance: shear further, or run more"
+        return Estimate(mean, math.nan, count, math.nan, reason)
     if math.isnan(within[0]):
         return between
     pooled = Estimate(mean, within[0], count, within[2])
@@ -257,7 +262,7 @@ def _estimate(values: npt.NDArray[np.float64]) -> Estimate:
 
     effective = np.asarray(array_stats.ess(values[np.newaxis], method="mean"), dtype=float).item()
     if effective < LEAST_EFFECTIVE:
-        found = math.floor(10.0 * effective) / 10.0  # or 19.97 would be the 20 that are needed
+        found = min(round(effective, 1), LEAST_EFFECTIVE - 0.1)  # or 19.97 would be the 20 that are needed
         reason = f"{found:g} effective samples, at least {LEAST_EFFECTIVE} are needed: shear further"
         return Estimate(mean, math.nan, effective, math.nan, reason)
     error = float(values.std(ddof=1)) / math.sqrt(effective)

@@ -7,7 +7,7 @@ import taichi_lsm as lsm
 from taichi_lsm.core.errors import finite, reason, shown, step_count
 
 
-@pytest.mark.parametrize("steps", [10.5, -5, "10", None, np.nan, np.inf, [1]])
+@pytest.mark.parametrize("steps", [10.5, -5, True, "10", None, np.nan, np.inf, [1]])
 def test_steps_of_a_run_are_whole_numbers(steps):
     with pytest.raises(lsm.InputError, match=r"^Simulation.run: steps = .*, must be a whole number >= 0$"):
         step_count(steps)

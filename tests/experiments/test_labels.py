@@ -115,6 +115,8 @@ def test_effects_beside_the_usual_ones_are_in_the_title(sheared):
     assert other_effects(run) == ""
     more = run.assign_coords(effect_name=("effect", ["hertz", *run.effect_name.values[1:]]))
     assert other_effects(more) == ", with Hertz"
+    twice = run.assign_coords(effect_name=("effect", ["hertz", "hertz", *run.effect_name.values[2:]]))
+    assert other_effects(twice) == ", with Hertz"
 
 
 def test_a_number_of_grains_that_gives_no_bulk_is_remarked():

@@ -202,6 +202,9 @@ def test_a_single_run_has_its_own_error_or_none():
     alone = combine_replicas([0.3], [math.nan])
     assert math.isnan(alone.half_width) and "one run whose own error is unknown" in alone.unknown
     assert "all runs are equal" in combine_replicas([0.3, 0.3]).unknown
+    two = combine_replicas([0.414, 0.4145], [math.nan, math.nan])
+    assert math.isnan(two.half_width) and "2 runs whose own errors are unknown" in two.unknown
+    assert math.isfinite(combine_replicas([0.414, 0.4145]).half_width)  # of which nothing is said
 
 
 @pytest.mark.parametrize(

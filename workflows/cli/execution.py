@@ -63,8 +63,8 @@ def execute(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         return complain([f"--out {folder}: cannot be made: {error.strerror}."])
-    if cost and not quiet:
-        print(f"{name}: {'the whole run takes ' if existing == 'resume' else ''}{cost}", flush=True)
+    if cost and not quiet and existing != "resume":  # it is not known which part of it is left
+        print(f"{name}: {cost}", flush=True)
     earlier = _written_at(folder / FILE)
     with ProgressLine(quiet) as progress:
         try:

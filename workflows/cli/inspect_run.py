@@ -107,7 +107,9 @@ def print_info(folder: Path) -> int:
     Only the files of the folder itself are opened, and one of each run in its folder `runs`.
     """
     if folder.is_file():
-        raise NoRunError(f"{folder}: is a file, must be the folder of a run, such as {folder.absolute().parent}.")
+        above = folder.absolute().parent
+        hint = f", such as {above}" if _holds_run(above.iterdir()) and folder.suffix != ".toml" else ""
+        raise NoRunError(f"{folder}: is a file, must be the folder of a run{hint}.")
     if not folder.is_dir():
         siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
         raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")

@@ -100,6 +100,9 @@ def config_in(folder: Path) -> Path:
         If the folder holds no run, or one of a version that did not name its experiment.
     """
     paths = [path for path in (folder / CONFIG, folder / "run.nc") if path.is_file()]
+    if not folder.exists():
+        siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
+        raise InputError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")
     if not paths:
         raise InputError(f"{folder}: holds no {CONFIG}, must be the folder of a run that was begun")
     for path in paths:

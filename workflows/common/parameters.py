@@ -89,6 +89,11 @@ class Params(pydantic.BaseModel):
         return frozenset(self.model_fields_set)
 
     @cached_property
+    def sources(self) -> dict[str, str]:
+        """{field: file that gave it} of those of a file, as messages show it: " (scene.toml)"."""
+        return {}
+
+    @cached_property
     def notes(self) -> tuple[str, ...]:
         """What the user should know of where these parameters come from, one line each."""
         return ()
@@ -194,7 +199,8 @@ def merge(
     notes = [*of_file.notes, *_unused_notes(str(toml_path), unused), *_other_words(params, values, sources)]
     notes += params.remarks()
     # In the place of the cached properties.
-    vars(params).update(preset_name=name, given=frozenset(given), notes=tuple(notes))
+    files = {key: f" ({source})" for key, source in sources.items() if source not in ("option", f"preset {name}")}
+    vars(params).update(preset_name=name, given=frozenset(given), notes=tuple(notes), sources=files)
     return params
 
 

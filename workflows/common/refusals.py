@@ -55,7 +55,9 @@ def check_idle(params: Params) -> None:
     """
     idle = params.idle()
     problems = [
-        without_effect(name, getattr(params, name), reason) for name, reason in idle.items() if name in params.given
+        without_effect(name, getattr(params, name), reason, params.sources.get(name, ""))
+        for name, reason in idle.items()
+        if name in params.given
     ]
     if problems:
         raise ParameterError(problems)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -82,8 +83,16 @@ def other_effects(run: xarray.Dataset) -> str:
     rows = lsm.read_effects(run)
     names += [row.effect for row in rows if row.effect not in names]
     friction = {row.effect for row in rows if row.role == "friction"}
-    others = [effect_words(name) for name in names if name not in friction | USUAL]
+    others = [_with_elasticity(name, rows) for name in dict.fromkeys(names) if name not in friction | USUAL]
     return f", with {', '.join(others)}" if others else ""
+
+
+def _with_elasticity(name: str, rows: Sequence[Any]) -> str:
+    """The name of an effect in words, of elasticity with its moduli: "Hertz (Young's modulus 7e+10 Pa, ...)"."""
+    own = [row for row in rows if row.effect == name and row.role == "elasticity" and row.value == row.value]
+    numbers = [f"{row.name.replace('_', ' ')} {row.value:g}{'' if row.unit == '1' else f' {row.unit}'}" for row in own]
+    words = ", ".join(numbers).replace("youngs", "Young's").replace("poissons", "Poisson's")
+    return effect_words(name) + (f" ({words})" if words else "")
 
 
 def effect_words(name: str) -> str:

@@ -30,6 +30,7 @@ REMEDIES = {  # what it means if such a claim does not hold, and what to change
     ),
     "normal_stress_rms": "the normal stress fluctuates: lower --inertial-number, or raise --length",
 }
+STEADY = {"layer_thickness": "m", "porosity": "1", "coordination_number": "1", "sliding_fraction": "1"}  # units
 NOTES = {"energy_residual": "greatest energy residual over the throughput of work"}
 PLAIN = str.maketrans("", "", "[]'")  # a list of labels as text
 NO_STIFFNESS = "unknown: none of the effects has a stiffness"
@@ -54,10 +55,14 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
     apart = abs(platen.mean / friction.mean - 1.0)
     number = float(dataset.stiffness_number)
+
+    def estimate(name: str) -> lsm.statistics.Estimate:
+        return lsm.statistics.steady_state(sheared[name], params.steady_from)
+
     metrics = {
         **metrics_of_estimate("friction_mean", "friction_se", friction),
         "friction_ess": Metric(friction.effective_samples, "1"),
-        "platen_friction_mean": Metric(platen.mean, "1"),
+        "platen_friction_mean": _mean(platen, "1"),
         "platen_bulk_difference": Metric(apart, "1"),
         "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
@@ -65,10 +70,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "energy_residual": Metric(float(residual), "1"),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),
-        "layer_thickness": Metric(float(steady.layer_thickness.mean()), "m"),
-        "porosity": Metric(float(steady.porosity.mean()), "1"),
-        "coordination_number": Metric(float(steady.coordination_number.mean()), "1"),
-        "sliding_fraction": Metric(float(steady.sliding_fraction.mean()), "1"),
+        **{name: _mean(estimate(name), unit) for name, unit in STEADY.items()},
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
     metrics |= _breakage(sheared) | _spring(params)
@@ -76,6 +78,12 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         value = float(metrics[name].value or 0.0)
         metrics[name] = Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
     return metrics
+
+
+def _mean(estimate: lsm.statistics.Estimate, unit: str) -> Metric:
+    """A mean with its 95 % interval, where that is known."""
+    known = np.isfinite(estimate.standard_error)
+    return Metric(float(estimate.mean), unit, interval=estimate.interval if known else None)
 
 
 def worst_claims(runs: Mapping[str, Mapping[str, float]]) -> dict[str, Metric]:

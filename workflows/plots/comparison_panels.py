@@ -145,7 +145,7 @@ def published_rows() -> list[tuple]:
 
 
 def draw_published(axes: Any, found: Mapping[str, Any], dim: int, singles: Mapping[str, NDArray]) -> None:
-    """Steady friction of this run, with its 95 % interval and the means of the single runs, beside published values.
+    """Steady friction of a comparison, with 95 % intervals and the means of single runs, beside published values.
 
     Rows are sorted by dimension, then by friction; the axis holds all that is drawn.
 
@@ -156,18 +156,18 @@ def draw_published(axes: Any, found: Mapping[str, Any], dim: int, singles: Mappi
     found, singles
         {shape: Estimate of its steady friction} and {shape: (run,) means of its single runs}.
     dim
-        Dimension of space of this run.
+        Dimension of space of its runs.
     """
     rows = published_rows()
     rows += [
-        (dim, e.mean, f"{shape_words(s, dim).removesuffix(' grains')} {dim}D, this run", "this run", s, False, e)
+        (dim, e.mean, f"{shape_words(s, dim).removesuffix(' grains')} {dim}D, here", "here", s, False, e)
         for s, e in found.items()
     ]
     rows.sort(key=lambda row: row[:3], reverse=True)
     drawn: list[Any] = []
     for y, (_, mean, _, kind, shape, _, values) in enumerate(rows):
         colour = COLOUR[shape]
-        if kind == "this run":
+        if kind == "here":
             axes.axhspan(y - 0.5, y + 0.5, color=colour, alpha=0.14, lw=0)
             width = values.half_width if np.isfinite(values.half_width) else None
             axes.errorbar(mean, y, xerr=width, fmt="o", color=colour, ms=5.5, capsize=5, elinewidth=2)
@@ -179,7 +179,7 @@ def draw_published(axes: Any, found: Mapping[str, Any], dim: int, singles: Mappi
         drawn.append(values)
     axes.set_yticks(range(len(rows)), [row[2] for row in rows], fontsize=9)
     for tick, row in zip(axes.get_yticklabels(), rows, strict=True):
-        tick.set_fontweight("bold" if row[3] == "this run" else "normal")
+        tick.set_fontweight("bold" if row[3] == "here" else "normal")
     for y in range(1, len(rows)):
         if rows[y][0] != rows[y - 1][0]:  # a line between the dimensions
             axes.axhline(y - 0.5, color="0.6", lw=0.8)
@@ -201,10 +201,10 @@ def _explain_published(axes, found):
     axes.plot([], [], "D", mfc="white", mew=1.5, label="simulation", **style)
     known = [bool(np.isfinite(e.half_width)) for e in found.values()]
     if any(known):
-        label = "this run, 95 % interval" + ("" if all(known) else " if known")
+        label = "here, 95 % interval" + ("" if all(known) else " if known")
         axes.errorbar([], [], xerr=[], fmt="o", color=NEUTRAL, ms=5.5, capsize=5, elinewidth=2, label=label)
     elif found:
-        axes.plot([], [], "o", color=NEUTRAL, ms=5.5, label="this run, error unknown")
+        axes.plot([], [], "o", color=NEUTRAL, ms=5.5, label="here, error unknown")
     if found:
         axes.plot([], [], "o", color=NEUTRAL, ms=3, mfc="white", label="single runs")
     axes.legend(loc="upper right", bbox_to_anchor=(1.03, -0.15), ncols=4, handletextpad=0.3, columnspacing=1.0)

@@ -195,7 +195,8 @@ def wrapped(text: str, width: int = TITLE_LINE) -> str:
 
 def _conditions(params, sheared, grains):
     """The title: what the layer consists of, in words, how it is sheared, and at which numbers."""
-    rate = float(sheared.inertial_number[len(sheared.time) // 2 :].mean())
+    steady = sheared.inertial_number[(sheared.shear_strain >= params.steady_from).values]
+    rate = float((steady if steady.size else sheared.inertial_number).mean())
     sizes = dict.fromkeys(f"{1e6 * d:g}" for d in (params.smallest_diameter, params.largest_diameter))
     spring = spring_words(params)
     return (

@@ -293,8 +293,10 @@ def test_what_a_file_of_another_experiment_sets_without_effect_is_left_out_of_it
         assert params.notes[1:] == (f"{tmp_path / 'a.toml'}: note was not taken: it has no effect in a toy",)
     assert '# note = "mine"  # no effect in a toy' in to_toml(params).splitlines()
     (tmp_path / "a.toml").write_text('note = "mine"\n')
-    with pytest.raises(ParameterError, match="--note mine: has no effect in a toy; leave it out"):
+    with pytest.raises(ParameterError, match=r"--note mine \(.*a.toml\): has no effect in a toy; leave it out"):
         check_idle(merge(toy.Params, toml_path=tmp_path / "a.toml", others=others))
     (tmp_path / "a.toml").write_text('[gas]\n[toy-run]\nnote = "mine"\n')
-    with pytest.raises(ParameterError, match="--note mine: has no effect in a toy; leave it out"):
+    with pytest.raises(ParameterError, match=r"--note mine \(.*a.toml, \[toy-run\]\): has no effect in a toy"):
         check_idle(merge(toy.Params, toml_path=tmp_path / "a.toml", experiment="toy-run", others=others))
+    with pytest.raises(ParameterError, match="--note mine: has no effect in a toy; leave it out"):
+        check_idle(merge(toy.Params, options={"note": "mine"}))

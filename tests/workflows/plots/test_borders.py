@@ -25,7 +25,7 @@ def case(name, used, precision="f64"):
 def test_cases_beyond_the_border_are_explained_and_under_no_legend(tmp_path, pictures, used, explained):
     plot_cases(tmp_path / "cases.png", [case("first", used), case("second", 0.0)])
     (axes,) = pictures[0].get_axes()
-    assert ("at the right border: 500 times or more, or no result" in axes.get_xlabel()) == explained
+    assert ("at the right border: 100 or more, or no result" in axes.get_xlabel()) == explained
     assert axes.get_legend().get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0  # above the frame
     (x, _), _ = axes.collections[0].get_offsets()
     assert x == min(used, 500.0) and axes.get_xlim()[0] < x < axes.get_xlim()[1]

@@ -141,8 +141,8 @@ def test_the_legend_of_published_values_names_what_is_drawn():
     half = KNOWN | {"round": unknown(KNOWN["round"])}
     none = {shape: unknown(e) for shape, e in KNOWN.items()}
     words = {name: legend_of(published(found)) for name, found in (("all", KNOWN), ("half", half), ("none", none))}
-    assert "this run, 95 % interval" in words["all"] and "this run, 95 % interval if known" in words["half"]
-    assert "this run, error unknown" in words["none"]
+    assert "here, 95 % interval" in words["all"] and "here, 95 % interval if known" in words["half"]
+    assert "here, error unknown" in words["none"]
     assert legend_of(published({})) == ["laboratory", "simulation"]
 
 
