@@ -13,6 +13,7 @@ from cyclopts import Parameter
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli.execution import complain
+from workflows.cli.sweep_progress import SweepProgress
 from workflows.common import signals
 from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
 from workflows.common.metrics import Metric, write_summary
@@ -20,8 +21,8 @@ from workflows.common.one_run import COMPLETED, Limits, Outcome
 from workflows.common.run_folder import check_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.common.toml_writer import to_toml
-from workflows.sweep.drive import AGAIN, config_of, counts, drive, folder_of
-from workflows.sweep.plan import PlannedRun, SweepPlan, plan_of
+from workflows.sweep.drive import config_of, counts, drive, folder_of
+from workflows.sweep.plan import SweepPlan, plan_of
 from workflows.sweep.table import write_sweep
 
 COPY = "sweep.toml"  # the file of the sweep, in its folder: the same file goes on there
@@ -100,30 +101,16 @@ class Sweep:
         with lsm.locked(out):
             (out / COPY).write_text(self.text, encoding="utf-8")
             _write_configs(plan, out)
-            self.announce(f"{len(plan.runs)} runs of {plan.experiment}, in {out}")
             status = "interrupted"
             try:
-                drive(plan, out, scheduler, jobs, retries, limits, self.report, self.announce)
+                with SweepProgress(plan, out, self.quiet) as progress:
+                    drive(plan, out, scheduler, jobs, retries, limits, self.ended, progress)
                 status = "complete"
             finally:
                 self.write(status)
         ends = sorted(self.ended.items())
         complain([f"run {label} {end.status}: {end.note}" for label, end in ends if end.status != COMPLETED])
         return COMPLETE if any(end.status == COMPLETED for _, end in ends) else FAILED
-
-    def announce(self, what: str) -> None:
-        """Print a line."""
-        if not self.quiet:
-            print(f"sweep: {what}", flush=True)
-
-    def report(self, run: PlannedRun, status: str, outcome: Outcome) -> None:
-        """Take note of what became of a run, and tell it."""
-        if status != AGAIN:
-            self.ended[run.label] = outcome
-        varied = ", ".join(f"{name} {value}" for name, value in run.point.items())
-        why = f": {outcome.note.splitlines()[0]}" if outcome.note else ""
-        done = f"{len(self.ended)}/{len(self.plan.runs)}"
-        self.announce(f"{done} run {run.label} ({varied}) {status}, {outcome.seconds:.0f} s{why}")
 
     def write(self, status: str) -> None:
         """Write sweep.nc and summary.json."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from taichi_lsm.core.errors import SimulationError
 from workflows.common.one_run import COMPLETED, FAILED, KILLED, REFUSED, Limits, Outcome, carry_out
@@ -17,7 +17,24 @@ from workflows.sweep.plan import PlannedRun, SweepPlan
 AGAIN = "begun again"  # of a run that was killed
 LOST_S = 600.0  # for which a scheduler that is gone is waited for
 
-Report = Callable[[PlannedRun, str, Outcome], None]  # takes a run, its status now and how it ended
+
+class Progress(Protocol):
+    """Is told what becomes of the runs, and from any thread when one is begun."""
+
+    def begin(self, ended: Mapping[str, Outcome]) -> None:
+        """How those runs ended, by their label, that are not to be made: refused, or complete before."""
+
+    def lost(self, why: str) -> None:
+        """No run goes on, since the scheduler is gone."""
+
+    def started(self, label: str) -> None:
+        """A worker has begun this run."""
+
+    def changed(self, run: PlannedRun, status: str, outcome: Outcome) -> None:
+        """A run has this status now: it ended, or was killed and is begun again."""
+
+    def tell(self, text: str) -> None:
+        """What else there is to say."""
 
 
 def config_of(out: Path, run: PlannedRun) -> Path:
@@ -37,10 +54,10 @@ def drive(
     jobs: int,
     retries: int,
     limits: Limits,
-    report: Report,
-    announce: Callable[[str], None],
+    ended: dict[str, Outcome],
+    progress: Progress,
 ) -> None:
-    """Carry out all runs that are not complete; `report` is told how each ended.
+    """Carry out all runs that are not complete, and note in `ended` how each ended, by its label.
 
     Parameters
     ----------
@@ -52,8 +69,10 @@ def drive(
         How often a run is begun again that was killed; it goes on from its checkpoint.
     limits
         Of each run.
-    report, announce
-        Take every change of a run, and what else there is to tell.
+    ended
+        Takes the outcomes, also where this is interrupted.
+    progress
+        Is told of every change of a run.
 
     Raises
     ------
@@ -62,23 +81,22 @@ def drive(
     SimulationError
         If the scheduler goes away and does not come back.
     """
-    ended = {run.label: Outcome(REFUSED, run.refusal, 0.0) for run in plan.runs if run.params is None}
+    ended |= {run.label: Outcome(REFUSED, run.refusal, 0.0) for run in plan.runs if run.params is None}
     ended |= {run.label: Outcome(COMPLETED, "", 0.0) for run in plan.runs if is_complete(folder_of(out, run))}
-    for run in plan.runs:
-        if run.label in ended:
-            report(run, ended[run.label].status, ended[run.label])
+    progress.begin(ended)
     lost_at = None
     while len(ended) < len(plan.runs):
         before = len(ended)
         try:
             with client_of(scheduler, jobs) as client:
-                announce(f"progress of the workers: {client.dashboard_link}")
-                _carry_out_on(client, plan, out, retries, limits, report, ended)
+                progress.tell(f"dashboard of the workers, which needs bokeh: {client.dashboard_link}")
+                client.subscribe_topic(topic_of(out), lambda event: progress.started(event[1]))
+                _carry_out_on(client, plan, out, retries, limits, ended, progress)
         except (OSError, asyncio.CancelledError, _SchedulerLost) as error:  # the scheduler has gone away
             lost_at = time.monotonic() if lost_at is None or len(ended) > before else lost_at
             if scheduler is None or time.monotonic() - lost_at > LOST_S:
                 raise SimulationError(f"the scheduler is lost: {error}; repeat the command to go on") from error
-            announce(f"the scheduler {scheduler} is lost, waiting for it")
+            progress.lost(f"the scheduler {scheduler} is lost, waiting for it")
             time.sleep(2.0)
 
 
@@ -92,21 +110,20 @@ def _carry_out_on(
     out: Path,
     retries: int,
     limits: Limits,
-    report: Report,
     ended: dict[str, Outcome],
+    progress: Progress,
 ) -> None:
     """Submit all runs that have not ended, and take their outcomes as they come."""
     from distributed import as_completed
 
+    here = out.absolute()  # workers may have been started in another folder
     futures, tries = {}, dict.fromkeys((run.label for run in plan.runs), 0)
 
     def submit(run: PlannedRun) -> Any:
-        config, folder = config_of(out, run), folder_of(out, run)
+        given = plan.experiment, str(config_of(here, run)), str(folder_of(here, run)), limits
         # Keys differ from those of an earlier client, whose results the scheduler may still know.
         key = f"{plan.experiment}-{run.label}-{tries[run.label]}-{time.time_ns()}"
-        future = client.submit(
-            carry_out, plan.experiment, str(config), str(folder), limits, key=key, pure=False, retries=retries
-        )
+        future = client.submit(carry_out_told, topic_of(out), run.label, *given, key=key, pure=False, retries=retries)
         futures[future] = run
         return future
 
@@ -118,11 +135,24 @@ def _carry_out_on(
         outcome = future.result() if future.status == "finished" else _of_error(future.exception())
         if outcome.status == KILLED and tries[run.label] < retries:
             tries[run.label] += 1
-            report(run, AGAIN, outcome)
+            progress.changed(run, AGAIN, outcome)
             waiting.add(submit(run))
             continue
         ended[run.label] = Outcome(FAILED, outcome.note, outcome.seconds) if outcome.status == KILLED else outcome
-        report(run, ended[run.label].status, ended[run.label])
+        progress.changed(run, ended[run.label].status, ended[run.label])
+
+
+def topic_of(out: Path) -> str:
+    """The topic of the events of a sweep, of which a scheduler may serve many."""
+    return f"lsm sweep {out.resolve()}"
+
+
+def carry_out_told(topic: str, label: str, experiment: str, config: str, out: str, limits: Limits) -> Outcome:
+    """As `carry_out`, on a worker, which first tells that it has begun the run `label`."""
+    from distributed import get_worker
+
+    get_worker().log_event(topic, label)
+    return carry_out(experiment, config, out, limits)
 
 
 def _of_error(error: BaseException | None) -> Outcome:
