@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -45,9 +45,13 @@ def sweep_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
         retries: Annotated[int, Parameter(name="--retries", help="times that a killed run is begun again [1]")] = 3,
         time_limit: Annotated[float | None, Parameter(name="--time-limit", help="for each run [s]")] = None,
         memory_limit: Annotated[float | None, Parameter(name="--memory-limit", help="for each run [GB]")] = None,
+        kind: Annotated[
+            Literal["png", "pdf", "svg"] | None,
+            Parameter(name="--format", help="of the picture; by default that of the runs"),
+        ] = None,
         quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
     ) -> int:
-        """Carry out many runs of one experiment, whose parameters vary as a file says; writes sweep.nc."""
+        """Carry out many runs of one experiment, which vary as a file says; writes sweep.nc and sweep.png."""
         whole = (("--jobs", jobs, 1), ("--retries", retries, 0))
         given = (("--time-limit", time_limit), ("--memory-limit", memory_limit))
         wrong = [f"{name} {value}: must be >= {least}." for name, value, least in whole if value < least]
@@ -56,7 +60,7 @@ def sweep_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
             return complain(wrong)
         limits = Limits(time_limit, None if memory_limit is None else 1e9 * memory_limit)
         try:
-            return Sweep(found, file, out, quiet).run(scheduler, jobs, retries, limits)
+            return Sweep(found, file, out, quiet, kind).run(scheduler, jobs, retries, limits)
         except InputError as error:
             return complain([str(error)])
         except (SimulationError, OSError) as error:
@@ -80,6 +84,8 @@ class Sweep:
         What runs are wanted, see `plan_of`; the folder of the sweep.
     quiet
         Print errors only.
+    kind
+        Format of the picture; None is that of the runs.
 
     Raises
     ------
@@ -87,10 +93,11 @@ class Sweep:
         If the file or the folder cannot be used.
     """
 
-    def __init__(self, found: Mapping[str, ModuleType], file: Path, out: Path, quiet: bool) -> None:
+    def __init__(self, found: Mapping[str, ModuleType], file: Path, out: Path, quiet: bool, kind: str | None) -> None:
         self.watch, self.out, self.quiet = Stopwatch(), out, quiet
         self.plan = plan_of(file, found)
         self.text = file.read_text(encoding="utf-8")
+        self.kind = kind or next(run.params.format for run in self.plan.runs if run.params is not None)
         self.ended: dict[str, Outcome] = {}
         _require_folder(out, self.text)
 
@@ -115,9 +122,21 @@ class Sweep:
     def write(self, status: str) -> None:
         """Write sweep.nc and summary.json."""
         write_sweep(self.plan, self.out, self.ended, self.text, status)
+        if status == "complete":
+            self.draw()
         numbers = {"runs": len(self.plan.runs), **counts(self.ended)}
         metrics = {name: Metric(count, "1") for name, count in numbers.items()} | self.watch.metrics()
         write_summary(self.out, "sweep", None, metrics, quiet=self.quiet, run_status=status)
+
+    def draw(self) -> None:
+        """Draw the picture, if there is anything to draw."""
+        from workflows.plots.sweep_figure import plot_sweep  # takes long to load
+
+        try:
+            plot_sweep(self.out, self.kind)
+        except InputError as error:
+            if not self.quiet:
+                print(f"sweep: no picture: {error}", flush=True)
 
 
 def _require_folder(out: Path, text: str) -> None:

@@ -87,6 +87,13 @@ class SweepProgress:
             if self.status[label] in (WAITING, RUNNING):
                 self.status[label], self.since[label] = RUNNING, time.monotonic()
 
+    def stopped(self, label: str) -> None:
+        """The worker of this run is lost: it waits again."""
+        with self.lock:
+            if self.status[label] == RUNNING:
+                self.status[label] = WAITING
+                self.since.pop(label, None)
+
     def changed(self, run: PlannedRun, status: str, outcome: Outcome) -> None:
         """A run has ended, or was killed and waits to be begun again (AGAIN)."""
         with self.lock:

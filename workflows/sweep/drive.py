@@ -30,6 +30,9 @@ class Progress(Protocol):
     def started(self, label: str) -> None:
         """A worker has begun this run."""
 
+    def stopped(self, label: str) -> None:
+        """The worker of this run is lost, another one will begin it."""
+
     def changed(self, run: PlannedRun, status: str, outcome: Outcome) -> None:
         """A run has this status now: it ended, or was killed and is begun again."""
 
@@ -90,7 +93,6 @@ def drive(
         try:
             with client_of(scheduler, jobs) as client:
                 progress.tell(f"dashboard of the workers, which needs bokeh: {client.dashboard_link}")
-                client.subscribe_topic(topic_of(out), lambda event: progress.started(event[1]))
                 _carry_out_on(client, plan, out, retries, limits, ended, progress)
         except (OSError, asyncio.CancelledError, _SchedulerLost) as error:  # the scheduler has gone away
             lost_at = time.monotonic() if lost_at is None or len(ended) > before else lost_at
@@ -116,6 +118,15 @@ def _carry_out_on(
     """Submit all runs that have not ended, and take their outcomes as they come."""
     from distributed import as_completed
 
+    def lose_worker(event: tuple[float, dict[str, Any]]) -> None:
+        if event[1].get("action") == "remove-worker":
+            for key in event[1].get("processing-tasks", ()):
+                if key in labels:
+                    progress.stopped(labels[key])
+
+    client.subscribe_topic(topic_of(out), lambda event: progress.started(event[1]))
+    client.subscribe_topic("all", lose_worker)
+    labels: dict[str, str] = {}  # of the runs, by the key that the scheduler knows them by
     here = out.absolute()  # workers may have been started in another folder
     futures, tries = {}, dict.fromkeys((run.label for run in plan.runs), 0)
 
@@ -124,7 +135,7 @@ def _carry_out_on(
         # Keys differ from those of an earlier client, whose results the scheduler may still know.
         key = f"{plan.experiment}-{run.label}-{tries[run.label]}-{time.time_ns()}"
         future = client.submit(carry_out_told, topic_of(out), run.label, *given, key=key, pure=False, retries=retries)
-        futures[future] = run
+        futures[future], labels[key] = run, run.label
         return future
 
     waiting = as_completed([submit(run) for run in plan.runs if run.label not in ended])
@@ -156,8 +167,12 @@ def carry_out_told(topic: str, label: str, experiment: str, config: str, out: st
 
 
 def _of_error(error: BaseException | None) -> Outcome:
-    """The outcome of a run whose worker was lost more often than it may be."""
-    return Outcome(FAILED, f"its worker was lost: {' '.join(str(error).split())}", 0.0)
+    """The outcome of a run whose worker was lost more often than it may be, or could not begin it."""
+    from distributed import KilledWorker
+
+    lost = isinstance(error, KilledWorker)
+    why = "its worker was lost" if lost else "no worker could begin it; have all the same version and the same packages"
+    return Outcome(FAILED, f"{why}: {' '.join(str(error).split())}", 0.0)
 
 
 def counts(ended: Mapping[str, Outcome]) -> dict[str, int]:

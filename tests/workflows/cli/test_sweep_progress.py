@@ -78,6 +78,9 @@ def test_what_is_left_is_the_mean_time_of_the_runs_not_yet_made(progress):
         progress.since[label] = now - age
     assert progress.left(now) == pytest.approx((500.0 - 140.0) / 2)
     assert progress.line(now) == "1/6 complete, 2 running, 0 failed | 02:40 gone, about 03:00 left"
+    progress.stopped("3")
+    progress.stopped("1")
+    assert progress.line(now).startswith("1/6 complete, 1 running")
     progress.lost("the scheduler is lost")
     assert progress.line(now).startswith("1/6 complete, 0 running")
 
