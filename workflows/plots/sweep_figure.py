@@ -97,7 +97,8 @@ def plot_sweep(
 
 def _panels(choice: Choice, found: Sequence[Estimated]) -> list[tuple[str, str, list[Estimated]]]:
     """(title, parameter of the horizontal axis, points) of each panel."""
-    if len(choice.against) > 1:
+    against, *others = choice.against
+    if others:
         return [("", name, list(found)) for name in choice.against]
     groups: dict[tuple, list[Estimated]] = {}
     for one in found:
@@ -106,7 +107,7 @@ def _panels(choice: Choice, found: Sequence[Estimated]) -> list[tuple[str, str, 
         ("\n".join(f"{plain(name)} {_text(value)}" for name, value in zip(choice.facets, key, strict=True)), rows)
         for key, rows in groups.items()
     ]
-    return [(title, choice.against[0], rows) for title, rows in named]
+    return [(title, against, rows) for title, rows in named]
 
 
 def _styles(table: xarray.Dataset, choice: Choice, found: Sequence[Estimated]) -> dict[Any, tuple[Any, str, float]]:

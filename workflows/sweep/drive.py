@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -118,14 +119,15 @@ def _carry_out_on(
     """Submit all runs that have not ended, and take their outcomes as they come."""
     from distributed import as_completed
 
+    def begin(event: tuple[float, str]) -> None:
+        progress.started(event[1])
+
     def lose_worker(event: tuple[float, dict[str, Any]]) -> None:
         if event[1].get("action") == "remove-worker":
             for key in event[1].get("processing-tasks", ()):
                 if key in labels:
                     progress.stopped(labels[key])
 
-    client.subscribe_topic(topic_of(out), lambda event: progress.started(event[1]))
-    client.subscribe_topic("all", lose_worker)
     labels: dict[str, str] = {}  # of the runs, by the key that the scheduler knows them by
     here = out.absolute()  # workers may have been started in another folder
     futures, tries = {}, dict.fromkeys((run.label for run in plan.runs), 0)
@@ -138,19 +140,33 @@ def _carry_out_on(
         futures[future], labels[key] = run, run.label
         return future
 
-    waiting = as_completed([submit(run) for run in plan.runs if run.label not in ended])
-    for future in waiting:
-        run = futures.pop(future)
-        if future.status == "cancelled" or future.status == "lost":
-            raise _SchedulerLost(f"run {run.label} was {future.status}")
-        outcome = future.result() if future.status == "finished" else _of_error(future.exception())
-        if outcome.status == KILLED and tries[run.label] < retries:
-            tries[run.label] += 1
-            progress.changed(run, AGAIN, outcome)
-            waiting.add(submit(run))
-            continue
-        ended[run.label] = Outcome(FAILED, outcome.note, outcome.seconds) if outcome.status == KILLED else outcome
-        progress.changed(run, ended[run.label].status, ended[run.label])
+    with _told(client, {topic_of(out): begin, "all": lose_worker}):
+        waiting = as_completed([submit(run) for run in plan.runs if run.label not in ended])
+        for future in waiting:
+            run = futures.pop(future)
+            if future.status == "cancelled" or future.status == "lost":
+                raise _SchedulerLost(f"run {run.label} was {future.status}")
+            outcome = future.result() if future.status == "finished" else _of_error(future.exception())
+            if outcome.status == KILLED and tries[run.label] < retries:
+                tries[run.label] += 1
+                progress.changed(run, AGAIN, outcome)
+                waiting.add(submit(run))
+                continue
+            ended[run.label] = Outcome(FAILED, outcome.note, outcome.seconds) if outcome.status == KILLED else outcome
+            progress.changed(run, ended[run.label].status, ended[run.label])
+
+
+@contextmanager
+def _told(client: Any, handlers: Mapping[str, Callable[[Any], None]]) -> Iterator[None]:
+    """Events of these topics are handled within the block; none is sent to a client that is being closed."""
+    for topic, handler in handlers.items():
+        client.subscribe_topic(topic, handler)
+    try:
+        yield
+    finally:
+        if client.status == "running":
+            for topic in handlers:
+                client.unsubscribe_topic(topic)
 
 
 def topic_of(out: Path) -> str:
