@@ -20,7 +20,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-import taichi_lsm as lsm
+from workflows.cli.how_far import last_row
 from workflows.cli.progress import clock, leave_signals_to_the_main_thread
 from workflows.common.metrics import shown
 from workflows.common.one_run import COMPLETED, FAILED, REFUSED, Outcome
@@ -194,23 +194,13 @@ class SweepProgress:
         return Group(counts, *([table] if running else []), *([Text(more)] if more else []), Text(self.times(now)))
 
     def strain_of(self, run: PlannedRun, now: float) -> str:
-        """`strain 1.24/3.00` of a run that goes on, read every READ_EVERY_S."""
+        """`shear, strain 1.24/3.00` of a run that goes on, read every READ_EVERY_S."""
         read_at, text = self.strains.get(run.label, (-math.inf, ""))
         if now - read_at >= READ_EVERY_S:
-            reached, goal = strain_in(folder_of(self.out, run)), getattr(run.params, "strain", None)
-            of_goal = f"/{goal:.2f}" if isinstance(goal, float) else ""
-            text = "" if math.isnan(reached) else f"strain {reached:.2f}{of_goal}"
+            found = last_row(folder_of(self.out, run))
+            text = "" if found is None else f"{found[0]}, strain {found[1]:.2f}/{found[2]:.2f}"
             self.strains[run.label] = now, text
         return text
-
-
-def strain_in(folder: Path) -> float:
-    """Shear strain [1] that the run in a folder has reached, by its run.nc; nan if that does not tell."""
-    try:
-        with lsm.opened_netcdf(folder / "run.nc") as file:
-            return float(file["shear_strain"][-1])
-    except (OSError, RuntimeError, ValueError, AttributeError, IndexError, TypeError):  # there is none yet, or no row
-        return math.nan
 
 
 def _value(value: Any) -> str:

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tests.helpers.output_files import run_row, run_writer
-from workflows.cli.sweep_progress import DRAW_EVERY_S, SILENCE_S, SweepProgress, strain_in
+from taichi_lsm.io.netcdf_variables import Scalar
+from tests.helpers.output_files import SCALARS, run_row, run_writer
+from workflows.cli.sweep_progress import DRAW_EVERY_S, SILENCE_S, SweepProgress
 from workflows.common.one_run import COMPLETED, FAILED, KILLED, REFUSED, Outcome
 from workflows.sweep.drive import AGAIN
 from workflows.sweep.factors import Factor, combined
@@ -90,8 +91,7 @@ def test_the_table_tells_of_each_run_that_goes_on(progress):
     now = time.monotonic()
     folder = Path(progress.out) / "runs" / "2"
     folder.mkdir(parents=True)
-    assert strain_in(folder) != strain_in(folder)  # nan
-    writer = run_writer(folder / "run.nc")
+    writer = run_writer(folder / "run.nc", scalars=[*SCALARS, Scalar("strain", 3.0, "shear strain to reach")])
     for i in range(4):
         writer.append(run_row(i))
     writer.close("interrupted")
@@ -101,5 +101,10 @@ def test_the_table_tells_of_each_run_that_goes_on(progress):
     progress.console.print(progress.table(now))
     shown = [line.split() for line in lines(progress)[-6:] if line.strip()]
     assert ["run", "shape", "seed", "for", "reached"] in shown
-    assert ["2", "sphere", "2", "01:10", "strain", "0.03"] in shown and ["4", "angular", "1", "00:05"] in shown
+    assert ["2", "sphere", "2", "01:10", "shear,", "strain", "0.03/3.00"] in shown and [
+        "4",
+        "angular",
+        "1",
+        "00:05",
+    ] in shown
     assert "sweep of toy-run: 4 waiting, 2 running, 0 complete, 0 failed, 0 refused" in lines(progress)
