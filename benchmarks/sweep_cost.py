@@ -21,7 +21,7 @@ from typing import Any
 import psutil
 
 from benchmarks.ours import ROOT
-from workflows.cli.discovery import find_workflows
+from workflows.common.discovery import find_workflows
 from workflows.common.metrics import Metric, write_summary
 from workflows.sweep.plan import plan_of
 
@@ -71,7 +71,7 @@ def stand_in(topic: str, label: str, experiment: str, config: str, out: str, lim
     """In place of `carry_out_told`: a run without a process, which leaves the same files."""
     from distributed import get_worker
 
-    from workflows.sweep.one_run import COMPLETED, Outcome
+    from workflows.common.one_run import COMPLETED, Outcome
 
     get_worker().log_event(topic, label)
     write_metrics(out, float(label))

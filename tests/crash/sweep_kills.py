@@ -162,7 +162,7 @@ def problems_of(out: Path, runs: int, code: int) -> list[str]:
 def unequal_alone(out: Path, label: str, folder: Path) -> list[str]:
     """How a run differs from the same run made alone in `folder`."""
     words = command("shear-gouge", "--config", str(out / "points" / f"{label}.toml"), "--out", str(folder))
-    subprocess.run(words, check=True, stdin=subprocess.DEVNULL)
+    subprocess.run(words, check=True, capture_output=True)
     one, other = (read_summary(path) or {"metrics": {}} for path in (out / "runs" / label, folder))
     names = (one["metrics"].keys() | other["metrics"].keys()) - TIMES
     different = [name for name in sorted(names) if one["metrics"].get(name) != other["metrics"].get(name)]

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from taichi_lsm.core.errors import InputError
 from workflows.cli.execution import complain
-from workflows.cli.exit_codes import COMPLETE
+from workflows.common.exit_codes import COMPLETE
 
 
 def sweep_plot(

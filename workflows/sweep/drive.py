@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
-from taichi_lsm.core.errors import SimulationError
+from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.common.one_run import COMPLETED, FAILED, KILLED, REFUSED, Limits, Outcome, carry_out
 from workflows.common.run_folder import is_complete
 from workflows.sweep.cluster import client_of
@@ -95,7 +95,9 @@ def drive(
             with client_of(scheduler, jobs) as client:
                 progress.tell(f"dashboard of the workers, which needs bokeh: {client.dashboard_link}")
                 _carry_out_on(client, plan, out, retries, limits, ended, progress)
-        except (OSError, asyncio.CancelledError, _SchedulerLost) as error:  # the scheduler has gone away
+        except (OSError, asyncio.CancelledError, _SchedulerLost, InputError) as error:  # the scheduler has gone away
+            if isinstance(error, InputError) and lost_at is None:  # or was never there
+                raise
             lost_at = time.monotonic() if lost_at is None or len(ended) > before else lost_at
             if scheduler is None or time.monotonic() - lost_at > LOST_S:
                 raise SimulationError(f"the scheduler is lost: {error}; repeat the command to go on") from error

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.common.one_run import COMPLETED
 from workflows.common.parameter_coordinates import RENAMED
 from workflows.common.parameter_problems import nearest
-from workflows.sweep.one_run import COMPLETED
 
 if TYPE_CHECKING:
     import xarray
