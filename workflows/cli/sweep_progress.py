@@ -21,7 +21,8 @@ from rich.table import Table
 from rich.text import Text
 
 from workflows.cli.how_far import last_row
-from workflows.cli.progress import clock, leave_signals_to_the_main_thread
+from workflows.cli.progress import clock
+from workflows.common import signals
 from workflows.common.metrics import shown
 from workflows.common.one_run import COMPLETED, FAILED, REFUSED, Outcome
 from workflows.sweep.drive import AGAIN, folder_of
@@ -63,7 +64,8 @@ class SweepProgress:
         if self.console.is_terminal:
             self.live = Live(console=self.console, auto_refresh=False)
             self.live.start()
-        threading.Thread(target=self._go_on, name="lsm sweep progress", daemon=True).start()
+        with signals.blocked():  # the thread leaves them to the main one
+            threading.Thread(target=self._go_on, name="lsm sweep progress", daemon=True).start()
 
     def begin(self, ended: Mapping[str, Outcome]) -> None:
         """How those runs ended, by their label, that are not to be made: refused, or complete before."""
@@ -135,7 +137,6 @@ class SweepProgress:
 
     def _go_on(self) -> None:
         """Until the end: draw the table anew, or break the silence."""
-        leave_signals_to_the_main_thread()
         while not self.closed.wait(DRAW_EVERY_S):
             try:
                 self.draw()
