@@ -56,6 +56,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.global_attributes import file_attributes as file_attributes
     from .io.layer_recorder import LayerRecorder as LayerRecorder
     from .io.netcdf_variables import Scalar as Scalar
+    from .io.open_run import by_row as by_row
     from .io.open_run import open_run as open_run
     from .io.open_run import open_runs as open_runs
     from .io.open_sweep import open_sweep as open_sweep
@@ -133,6 +134,7 @@ _HOME = {
     "write_table": "io.run_file",
     "file_attributes": "io.global_attributes",
     "write_energies": "io.run_file",
+    "by_row": "io.open_run",
     "open_run": "io.open_run",
     "open_runs": "io.open_run",
     "open_sweep": "io.open_sweep",

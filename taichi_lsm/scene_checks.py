@@ -187,8 +187,9 @@ def _check_shapes(scene: Scene) -> None:
             f"surfaces do not have; shapes must be discs, spheres or arc chains"
         )
     stored = [e.name for e in scene.effects if e.radius_stored]
-    uneven = [s.name for s in scene.shapes if any(not _one_radius(part) for part in s.parts)]
-    if stored and uneven:
+    # The radii of a polyhedron take a while: they are asked for only where an effect depends on them.
+    uneven = [s.name for s in scene.shapes if any(not _one_radius(part) for part in s.parts)] if stored else []
+    if uneven:
         raise InputError(
             f"Scene.effects: {stored} store energy that depends on the radius of curvature, which jumps at the seams "
             f"of {uneven[0]!r}: no step would conserve it; use LinearElastic with CoulombFriction, or discs and spheres"

@@ -61,7 +61,7 @@ def check(params: Params) -> None:
     """
     layer_scene.check(params)
     if params.target_error is not None:
-        target_error.plan(params, params.target_error)
+        target_error.check(params, params.target_error)
 
 
 def estimate(params: Params) -> RunCost:

@@ -131,20 +131,43 @@ def _paths_of(folder: "str | PathLike[str] | Iterable[str | PathLike[str]]") -> 
 
 
 def _rows_of(path: Path) -> "Dataset":
-    """The run in a file, see `_in_rows`; InputError if it lacks rows or effects."""
+    """The run in a file, see `by_row`; InputError if it lacks rows or effects."""
     run = open_run(path)
     try:
-        return _in_rows(run)
+        return by_row(run)
     except Exception as error:  # of whatever is declared otherwise
         raise InputError(f"{path}: is not the run.nc of a layer ({reason(error)}), {EXPECTED}") from None
 
 
-def _in_rows(run: "Dataset") -> "Dataset":
-    """A run whose rows, effects and parameters of effects are labelled alike in all runs."""
-    rows = run.drop_indexes(["time", "stage"]).reset_coords("time").rename_dims(time="row")
+def by_row(run: "Dataset") -> "Dataset":
+    """A run whose rows, effects and parameters of effects are labelled alike in all runs.
+
+    Runs have their own times, so that only their rows, counted from 0, can stand side by side: `open_runs` and the
+    `preprocess` of `xarray.open_mfdataset` put runs together after this.
+
+    Parameters
+    ----------
+    run
+        The run.nc of one run, as `open_run` or xarray opens it; arrays of Dask stay unread, but for texts.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same variables along `row` in place of `time`.
+
+    Raises
+    ------
+    ValueError or KeyError
+        If it lacks rows or effects.
+    """
+    rows = run.drop_indexes(["time", "stage"], errors="ignore").reset_coords("time").rename_dims(time="row")
     labels = {"row": range(rows.sizes["row"]), "effect": rows.effect_name.values}
     if "parameter_value" in rows:
         names = [f"{e}.{n}" for e, n in zip(rows.parameter_effect.values, rows.parameter_name.values, strict=True)]
         labels["effect_parameter"] = names
     texts = [name for name in rows.coords if rows[name].dims in (("effect",), ("effect_parameter",))]
-    return rows.drop_vars(texts).assign_coords(labels)
+    rows = rows.drop_vars(texts).assign_coords(labels)
+    for variable in rows.variables.values():
+        if variable.dtype == object:  # texts, which Dask cannot pad where runs have different numbers of rows
+            variable.load()
+    return rows

@@ -241,6 +241,17 @@ def test_targets_out_of_range_are_refused_with_what_is_possible(table):
         target_error.plan(shear_gouge.Params(shape="angular"), 0.01)
 
 
+def test_what_the_check_accepts_has_a_plan(table):
+    """It compares the target with the longest and most runs alone, of which one has the least error."""
+    params = shear_gouge.Params(length=14, layer_thickness=12)
+    most = target_error.STRAINS[-1], target_error.MOST_SEEDS
+    least = min(target_error.half_width(table, params, *most, step) for step in table["bias_of_step"])
+    target_error.check(params, least)
+    assert target_error.plan(params, least).expected_error == least
+    with pytest.raises(lsm.InputError, match="must be >= "):
+        target_error.check(params, np.nextafter(least, 0.0))
+
+
 def test_what_runs_have_reached_counts_the_scatter_within_and_between(table):
     params = shear_gouge.Params(length=14, layer_thickness=12, inertial_number=5e-3)
     two = target_error.reached(table, params, [0.25, 0.26], [0.004, 0.004], "0.4")

@@ -11,6 +11,15 @@ from workflows.cli.progress import clock
 UNREADABLE = (OSError, RuntimeError, ValueError, AttributeError, KeyError, IndexError, TypeError)
 
 
+def last_row(folder: Path) -> tuple[str, float, float] | None:
+    """(stage, shear strain, shear strain to reach) of the last row of run.nc in a folder; None if there is none."""
+    try:
+        with lsm.opened_netcdf(folder / "run.nc") as file:
+            return str(file["stage"][-1]), float(file["shear_strain"][-1]), float(file["strain"][...])
+    except UNREADABLE:
+        return None
+
+
 def how_far(folder: Path) -> str:
     """The stage and strain of the last row of run.nc in a folder, and how long the rest may take; "" if unknown.
 

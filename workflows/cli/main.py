@@ -27,6 +27,7 @@ from workflows.cli.execution import complain, problems_of
 from workflows.cli.options import workflow_command
 from workflows.cli.resume import resume
 from workflows.cli.sweep import sweep_command
+from workflows.cli.sweep_plot import sweep_plot
 from workflows.common import signals
 from workflows.common.discovery import DiscoveryError, find_workflows
 from workflows.common.exit_codes import CLOSED_PIPE, COMPLETE, FAILED, reason_of
@@ -174,6 +175,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
 
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
+    app.command(sweep_plot, name="sweep-plot", group=others_group)
     app.command(resume_run, name="resume", group=others_group)
     app.command(info, name="info", group=others_group)
     return app

@@ -6,13 +6,14 @@ import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.cli.execution import complain
+from workflows.cli.sweep_progress import SweepProgress
 from workflows.common import signals
 from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
 from workflows.common.metrics import Metric, write_summary
@@ -20,8 +21,8 @@ from workflows.common.one_run import COMPLETED, Limits, Outcome
 from workflows.common.run_folder import check_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.common.toml_writer import to_toml
-from workflows.sweep.drive import AGAIN, config_of, counts, drive, folder_of
-from workflows.sweep.plan import PlannedRun, SweepPlan, plan_of
+from workflows.sweep.drive import config_of, counts, drive, folder_of
+from workflows.sweep.plan import SweepPlan, plan_of
 from workflows.sweep.table import write_sweep
 
 COPY = "sweep.toml"  # the file of the sweep, in its folder: the same file goes on there
@@ -44,9 +45,13 @@ def sweep_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
         retries: Annotated[int, Parameter(name="--retries", help="times that a killed run is begun again [1]")] = 3,
         time_limit: Annotated[float | None, Parameter(name="--time-limit", help="for each run [s]")] = None,
         memory_limit: Annotated[float | None, Parameter(name="--memory-limit", help="for each run [GB]")] = None,
+        kind: Annotated[
+            Literal["png", "pdf", "svg"] | None,
+            Parameter(name="--format", help="of the picture; by default that of the runs"),
+        ] = None,
         quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
     ) -> int:
-        """Carry out many runs of one experiment, whose parameters vary as a file says; writes sweep.nc."""
+        """Carry out many runs of one experiment, which vary as a file says; writes sweep.nc and sweep.png."""
         whole = (("--jobs", jobs, 1), ("--retries", retries, 0))
         given = (("--time-limit", time_limit), ("--memory-limit", memory_limit))
         wrong = [f"{name} {value}: must be >= {least}." for name, value, least in whole if value < least]
@@ -55,7 +60,7 @@ def sweep_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
             return complain(wrong)
         limits = Limits(time_limit, None if memory_limit is None else 1e9 * memory_limit)
         try:
-            return Sweep(found, file, out, quiet).run(scheduler, jobs, retries, limits)
+            return Sweep(found, file, out, quiet, kind).run(scheduler, jobs, retries, limits)
         except InputError as error:
             return complain([str(error)])
         except (SimulationError, OSError) as error:
@@ -79,6 +84,8 @@ class Sweep:
         What runs are wanted, see `plan_of`; the folder of the sweep.
     quiet
         Print errors only.
+    kind
+        Format of the picture; None is that of the runs.
 
     Raises
     ------
@@ -86,10 +93,11 @@ class Sweep:
         If the file or the folder cannot be used.
     """
 
-    def __init__(self, found: Mapping[str, ModuleType], file: Path, out: Path, quiet: bool) -> None:
+    def __init__(self, found: Mapping[str, ModuleType], file: Path, out: Path, quiet: bool, kind: str | None) -> None:
         self.watch, self.out, self.quiet = Stopwatch(), out, quiet
         self.plan = plan_of(file, found)
         self.text = file.read_text(encoding="utf-8")
+        self.kind = kind or next(run.params.format for run in self.plan.runs if run.params is not None)
         self.ended: dict[str, Outcome] = {}
         _require_folder(out, self.text)
 
@@ -100,10 +108,10 @@ class Sweep:
         with lsm.locked(out):
             (out / COPY).write_text(self.text, encoding="utf-8")
             _write_configs(plan, out)
-            self.announce(f"{len(plan.runs)} runs of {plan.experiment}, in {out}")
             status = "interrupted"
             try:
-                drive(plan, out, scheduler, jobs, retries, limits, self.report, self.announce)
+                with SweepProgress(plan, out, self.quiet) as progress:
+                    drive(plan, out, scheduler, jobs, retries, limits, self.ended, progress)
                 status = "complete"
             finally:
                 self.write(status)
@@ -111,26 +119,24 @@ class Sweep:
         complain([f"run {label} {end.status}: {end.note}" for label, end in ends if end.status != COMPLETED])
         return COMPLETE if any(end.status == COMPLETED for _, end in ends) else FAILED
 
-    def announce(self, what: str) -> None:
-        """Print a line."""
-        if not self.quiet:
-            print(f"sweep: {what}", flush=True)
-
-    def report(self, run: PlannedRun, status: str, outcome: Outcome) -> None:
-        """Take note of what became of a run, and tell it."""
-        if status != AGAIN:
-            self.ended[run.label] = outcome
-        varied = ", ".join(f"{name} {value}" for name, value in run.point.items())
-        why = f": {outcome.note.splitlines()[0]}" if outcome.note else ""
-        done = f"{len(self.ended)}/{len(self.plan.runs)}"
-        self.announce(f"{done} run {run.label} ({varied}) {status}, {outcome.seconds:.0f} s{why}")
-
     def write(self, status: str) -> None:
         """Write sweep.nc and summary.json."""
         write_sweep(self.plan, self.out, self.ended, self.text, status)
+        if status == "complete":
+            self.draw()
         numbers = {"runs": len(self.plan.runs), **counts(self.ended)}
         metrics = {name: Metric(count, "1") for name, count in numbers.items()} | self.watch.metrics()
         write_summary(self.out, "sweep", None, metrics, quiet=self.quiet, run_status=status)
+
+    def draw(self) -> None:
+        """Draw the picture, if there is anything to draw."""
+        from workflows.plots.sweep_figure import plot_sweep  # takes long to load
+
+        try:
+            plot_sweep(self.out, self.kind)
+        except InputError as error:
+            if not self.quiet:
+                print(f"sweep: no picture: {error}", flush=True)
 
 
 def _require_folder(out: Path, text: str) -> None:

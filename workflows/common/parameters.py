@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import types
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeVar
@@ -179,9 +179,36 @@ def merge(
     of_file = OfFile({}, {}, False, ())
     if toml_path is not None:
         of_file = read_for(Path(toml_path), experiment, params_class.model_fields, others or {}, problems)
+    return merge_read(params_class, preset, of_file, str(toml_path), options, experiment, problems)
+
+
+def merge_read(
+    params_class: type[OfOneWorkflow],
+    preset: str | None,
+    of_file: OfFile,
+    source: str,
+    options: Mapping[str, Any] | None = None,
+    experiment: str = "",
+    mistakes: Sequence[str] = (),
+) -> OfOneWorkflow:
+    """As `merge`, with a file that was read before, once for many runs.
+
+    Parameters
+    ----------
+    params_class, preset, options, experiment
+        As for `merge`.
+    of_file, source, mistakes
+        What the file gives to the experiment; its name, for messages; the mistakes found when it was read.
+
+    Raises
+    ------
+    ParameterError
+        As `merge`.
+    """
+    problems = list(mistakes)
     name = preset or of_file.preset or DEFAULT_PRESET
     layers = {f"preset {name}": _preset(params_class, name, problems)}
-    layers |= {str(toml_path): of_file.top, f"{toml_path}, [{experiment}]": of_file.own}
+    layers |= {source: of_file.top, f"{source}, [{experiment}]": of_file.own}
     layers["option"] = _options(params_class, options or {})
     values, sources = _overlaid(params_class, layers, problems)
     params = None
@@ -194,9 +221,9 @@ def merge(
         raise ParameterError(problems)
     # What a file for several experiments sets without effect here was meant for the others.
     idle = params.idle() if of_file.shared else {}
-    unused = {key: reason for key, reason in idle.items() if sources.get(key) == str(toml_path)}
+    unused = {key: reason for key, reason in idle.items() if sources.get(key) == source}
     given = {key for key, source in sources.items() if source != f"preset {name}"} - set(unused)
-    notes = [*of_file.notes, *_unused_notes(str(toml_path), unused), *_other_words(params, values, sources)]
+    notes = [*of_file.notes, *_unused_notes(source, unused), *_other_words(params, values, sources)]
     notes += params.remarks()
     # In the place of the cached properties.
     files = {key: f" ({source})" for key, source in sources.items() if source not in ("option", f"preset {name}")}

@@ -75,8 +75,26 @@ def seconds(params: Params, strain: float, seeds: int, step: str) -> float:
     return of_replicas([layer_cost(run)] * seeds, 2).seconds
 
 
+def check(params: Params, target_error: float) -> None:
+    """Refuse a target error [1] that no Plan reaches: the error falls with the strain and with the number of seeds.
+
+    Raises
+    ------
+    InputError
+        With the least error that can be asked for.
+    """
+    row = table_of(params.shape, params.dim)
+    least = min(half_width(row, params, STRAINS[-1], MOST_SEEDS, step) for step in row["bias_of_step"])
+    if least > target_error:
+        raise lsm.InputError(
+            f"--target-error {target_error:g}: must be >= {least:.2g}, the error of {MOST_SEEDS} runs to a strain of "
+            f"{STRAINS[-1]:g}; a larger layer has smaller errors"
+        )
+
+
 def plan(params: Params, target_error: float) -> Plan:
-    """The cheapest Plan whose 95 % half-width is at most `target_error` [1]; InputError if none of them is."""
+    """The cheapest Plan whose 95 % half-width is at most `target_error` [1]; InputError as `check`."""
+    check(params, target_error)
     row = table_of(params.shape, params.dim)
     plans = []
     long_enough = STRAINS[params.least_steady <= STRAINS]
@@ -88,12 +106,6 @@ def plan(params: Params, target_error: float) -> Plan:
                 error = half_width(row, params, steady, seeds, step)
                 strain = round(params.steady_from + float(steady), 2)
                 plans.append(Plan(float(step), strain, seeds, error, seconds(params, strain, seeds, step)))
-    if not plans:
-        least = min(half_width(row, params, STRAINS[-1], MOST_SEEDS, step) for step in row["bias_of_step"])
-        raise lsm.InputError(
-            f"--target-error {target_error:g}: must be >= {least:.2g}, the error of {MOST_SEEDS} runs to a strain of "
-            f"{STRAINS[-1]:g}; a larger layer has smaller errors"
-        )
     return min(plans, key=lambda p: p.expected_seconds)
 
 

@@ -5,7 +5,7 @@ matplotlib is imported when something is drawn. The colours, of Okabe and Ito, s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,9 +30,19 @@ STYLE: dict[Any, Any] = {
 }
 
 
+PRINT: dict[Any, Any] = {  # beside STYLE, of a figure as wide as one or two columns of a journal
+    **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize", "figure.titlesize"), 8),
+    **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), 7.5),
+    "axes.linewidth": 0.7,
+    "savefig.dpi": 300,
+}
+
+
 @contextmanager
-def figure_at(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
+def figure_at(path: Path, size: tuple[float, float], style: Mapping[Any, Any] | None = None) -> Iterator[Figure]:
     """A figure of `size` [inches] that is saved at the end, its label as the description in the file.
+
+    style: settings of matplotlib beside those of STYLE.
 
     It needs no display and leaves the settings of matplotlib unchanged.
     """
@@ -40,7 +50,7 @@ def figure_at(path: Path, size: tuple[float, float]) -> Iterator[Figure]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE | dict(style or {})):
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure

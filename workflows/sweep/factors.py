@@ -45,10 +45,13 @@ class Factor:
         Its name: that of its parameter, "together" or "sample".
     points
         Its values.
+    log
+        Names of those of its parameters whose logarithms are spaced evenly, or were drawn.
     """
 
     dim: str
     points: list[Point]
+    log: tuple[str, ...] = ()
 
 
 def points_of(table: Mapping[str, Any], whole: frozenset[str] = frozenset()) -> list[Point]:
@@ -82,7 +85,7 @@ def factors_of(table: Mapping[str, Any], whole: frozenset[str] = frozenset()) ->
     """
     factors = _grid(_table(table, "grid"), whole)
     factors += [Factor("together", _together(_table(table, "together")))]
-    factors += [Factor("sample", _sample(_table(table, "sample"), whole))]
+    factors += [_sample(_table(table, "sample"), whole)]
     factors = [factor for factor in factors if factor.points]
     number = math.prod(len(factor.points) for factor in factors)
     if number > MOST_RUNS:
@@ -104,7 +107,8 @@ def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 def _grid(grid: Mapping[str, Any], whole: frozenset[str]) -> list[Factor]:
     """One factor for each parameter of the grid."""
     columns = {name: _values(f"sweep.grid.{name}", given, name in whole) for name, given in grid.items()}
-    return [Factor(name, [{name: value} for value in values]) for name, values in columns.items()]
+    log = {name: (name,) if _in_log(given) else () for name, given in grid.items()}
+    return [Factor(name, [{name: value} for value in values], log[name]) for name, values in columns.items()]
 
 
 def _values(key: str, given: Any, whole: bool) -> list[Any]:
@@ -143,10 +147,10 @@ def _together(columns: Mapping[str, Any]) -> list[Point]:
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
 
 
-def _sample(sample: Mapping[str, Any], whole: frozenset[str]) -> list[Point]:
-    """One factor whose points are drawn from ranges."""
+def _sample(sample: Mapping[str, Any], whole: frozenset[str]) -> Factor:
+    """One factor whose points are drawn from ranges; none if nothing is drawn."""
     if not sample:
-        return []
+        return Factor("sample", [])
     unknown = sorted(set(sample) - set(SAMPLE_KEYS))
     if unknown:
         raise InputError(f"sweep.sample.{unknown[0]}: unknown, must be one of {', '.join(SAMPLE_KEYS)}")
@@ -160,10 +164,11 @@ def _sample(sample: Mapping[str, Any], whole: frozenset[str]) -> list[Point]:
     if not (isinstance(seed, int) and not isinstance(seed, bool) and 0 <= seed < 2**31):
         raise InputError(f"sweep.sample.seed = {shown(seed)}: must be a whole number from 0 to {2**31 - 1}")
     shares = unit_sample(method, count, len(spans), seed)
-    return [
+    points = [
         {name: _number(span.at(share), name in whole) for (name, span), share in zip(spans.items(), row, strict=True)}
         for row in shares.tolist()
     ]
+    return Factor("sample", points, tuple(name for name, span in spans.items() if span.log))
 
 
 def unit_sample(method: str, count: int, dimension: int, seed: int) -> np.ndarray:
@@ -205,6 +210,11 @@ def range_of(key: str, given: Any, more: Sequence[str] = ()) -> Range:
 
 def _number(value: float, whole: bool) -> float | int:
     return round(value) if whole else float(f"{value:.12g}")
+
+
+def _in_log(given: Any) -> bool:
+    """Whether a range of a file is spaced by a factor."""
+    return isinstance(given, Mapping) and given.get("spacing") == "log"
 
 
 def _is_count(value: Any, least: int) -> bool:

@@ -10,10 +10,10 @@ from types import ModuleType
 from typing import Any
 
 from taichi_lsm.core.errors import InputError, shown
-from workflows.common.parameter_files import SWEEP
+from workflows.common.parameter_files import SWEEP, read_for
 from workflows.common.parameter_problems import as_written, nearest
 from workflows.common.parameter_types import members
-from workflows.common.parameters import Params, merge
+from workflows.common.parameters import Params, merge_read
 from workflows.common.toml_reader import read_toml
 from workflows.sweep.factors import MOST_RUNS, Factor, Point, combined, factors_of
 
@@ -97,17 +97,18 @@ def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     others = {name: set(other.Params.model_fields) for name, other in found.items() if name != experiment}
+    planner = _Planner(path, experiment, module, others)
     replicas, most = table.get("replicas", 1), MOST_RUNS // math.prod(len(factor.points) for factor in factors)
     if isinstance(replicas, bool) or not isinstance(replicas, int) or not 1 <= replicas <= most:
         raise InputError(f"{path}: sweep.replicas = {shown(replicas)}: must be a whole number from 1 to {most}")
     if replicas > 1:
         if any("seed" in factor.points[0] for factor in factors):
             raise InputError(f"{path}: sweep.replicas = {replicas}: gives the seeds, which vary already; remove one")
-        first = merge(module.Params, None, path, None, experiment, others).seed
+        first = planner.merged({}).seed
         factors.append(Factor("seed", [{"seed": first + r} for r in range(replicas)]))
     points = combined(factors)
     width = len(str(len(points)))
-    runs = [_planned(f"{i + 1:0{width}d}", point, path, module, experiment, others) for i, point in enumerate(points)]
+    runs = [planner.planned(f"{i + 1:0{width}d}", point) for i, point in enumerate(points)]
     if all(run.params is None for run in runs):
         raise InputError(runs[0].refusal)
     return SweepPlan(experiment, module, tuple(factors), tuple(runs))
@@ -137,15 +138,34 @@ def _read(path: Path, found: Mapping[str, ModuleType]) -> tuple[str, Mapping[str
     return str(experiment), table
 
 
-def _planned(
-    label: str, point: Point, path: Path, module: ModuleType, experiment: str, others: Mapping[str, set[str]]
-) -> PlannedRun:
-    try:
-        params = merge(module.Params, None, path, point, experiment, others)
-        module.check(params)
-    except InputError as error:
-        return PlannedRun(label, point, None, str(error))
-    return PlannedRun(label, point, params)
+class _Planner:
+    """Makes and checks the parameters of the runs of a file, which is read once."""
+
+    def __init__(self, path: Path, experiment: str, module: ModuleType, others: Mapping[str, set[str]]) -> None:
+        self.path, self.experiment, self.module = path, experiment, module
+        self.mistakes: list[str] = []
+        self.of_file = read_for(path, experiment, module.Params.model_fields, others, self.mistakes)
+        self.accepted: set[str] = set()  # parameters without their seeds
+
+    def merged(self, point: Point) -> Params:
+        """The parameters of the file at a point; ParameterError as `merge`."""
+        return merge_read(self.module.Params, None, self.of_file, str(self.path), point, self.experiment, self.mistakes)
+
+    def planned(self, label: str, point: Point) -> PlannedRun:
+        """The run at a point, with the reason if it is refused.
+
+        Where parameters were accepted, other seeds of them are not checked: a check may pack grains for a second, and
+        each run repeats it for itself. Where they were refused, another seed may do.
+        """
+        try:
+            params = self.merged(point)
+            without_seed = params.model_dump_json(exclude={"seed"})
+            if without_seed not in self.accepted:
+                self.module.check(params)
+                self.accepted.add(without_seed)
+        except InputError as error:
+            return PlannedRun(label, point, None, str(error))
+        return PlannedRun(label, point, params)
 
 
 def _is_whole(annotation: Any) -> bool:

@@ -61,7 +61,12 @@ def write_sweep(plan: SweepPlan, out: Path, ended: Mapping[str, Outcome], text: 
     summary = f"Varied: {', '.join(plan.varied) or 'nothing'}. One row per run, nan where it gave no result."
     attributes = lsm.file_attributes(title, summary, text, known.seed, math.nan, known.arch, known.precision)
     factors = [
-        {"dim": RENAMED.get(f.dim, f.dim), "names": [RENAMED.get(n, n) for n in f.points[0]], "size": len(f.points)}
+        {
+            "dim": RENAMED.get(f.dim, f.dim),
+            "names": [RENAMED.get(name, name) for name in f.points[0]],
+            "size": len(f.points),
+            "log": [RENAMED.get(name, name) for name in f.log],
+        }
         for f in plan.factors
     ]
     attributes |= {"experiment": plan.experiment, "factors": json.dumps(factors)}

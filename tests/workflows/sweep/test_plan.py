@@ -4,8 +4,10 @@ import pytest
 
 from taichi_lsm.core.errors import InputError
 from workflows.cli.main import main
+from workflows.common import parameter_files
 from workflows.common.discovery import find_workflows
 from workflows.common.parameters import merge
+from workflows.common.toml_reader import read_toml
 from workflows.sweep.plan import plan_of
 
 FOUND = find_workflows()
@@ -49,6 +51,27 @@ def test_runs_that_are_refused_are_told_apart(planned):
     refused = [run for run in planned(FILE).runs if run.params is None]
     assert [run.point["shape"] for run in refused] == ["round"] * 4
     assert all("--corner-radius" in run.refusal and "no effect" in run.refusal for run in refused)
+
+
+def test_the_file_is_read_once_and_what_differs_by_its_seed_alone_is_checked_once(planned, monkeypatch):
+    """Checks may pack grains: a plan of many runs would wait for them."""
+    read, checked = [], []
+    monkeypatch.setattr(parameter_files, "read_toml", lambda path: read.append(path) or read_toml(path))
+    monkeypatch.setattr(FOUND["shear-gouge"], "check", checked.append)
+    plan = planned(FILE.replace("replicas = 2", "replicas = 5"))
+    assert len(plan.runs) == 20 and len(read) == 1
+    assert [(p.shape, p.corner_radius, p.seed) for p in checked] == [
+        (shape, radius, 1) for shape in ("round", "angular") for radius in (0.05, 0.1)
+    ]
+
+
+def test_another_seed_of_refused_parameters_may_do(planned, monkeypatch):
+    def check(params):
+        if params.seed == 1:
+            raise InputError(f"--seed {params.seed}: the grains do not fit")
+
+    monkeypatch.setattr(FOUND["shear-gouge"], "check", check)
+    assert [run.refusal[:8] for run in planned(FILE).runs] == ["--seed 1", ""] * 4
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 
 import taichi_lsm as lsm
 from workflows.cli.main import main
+from workflows.cli.sweep_progress import SweepProgress
 from workflows.common.one_run import COMPLETED
 
 pytestmark = pytest.mark.usefixtures("toy")
@@ -22,14 +23,17 @@ act = ["finish", "diverge", "kill"]
 """
 
 
-def test_a_sweep_tells_of_every_run_and_repeats_only_what_failed(tmp_path, capsys):
+def test_a_sweep_tells_of_every_run_and_repeats_only_what_failed(tmp_path, capsys, monkeypatch):
+    begun = []
+    monkeypatch.setattr(SweepProgress, "started", lambda progress, label: begun.append(label))
     file, out = tmp_path / "sweep.toml", tmp_path / "out"
     file.write_text(SWEEP)
     command = ["sweep", str(file), "--out", str(out), "--retries", "1"]
     assert main(command) == 0
     said = capsys.readouterr()
     assert "run 2 failed: diverged at step 7" in said.err and "run 3 failed: killed by SIGKILL" in said.err
-    assert said.out.count("begun again") == 2 and "6/6 run" in said.out
+    assert said.out.count("begun again") == 2 and "6/6 run" in said.out and "dashboard of the workers" in said.out
+    assert sorted(begun) == ["1", "2", "3", "3", "4", "5", "6", "6"]  # each worker says what it begins
     cube = lsm.open_sweep(out)
     assert cube.status.dims == ("target_normal_stress", "act") and cube.target_normal_stress.values.tolist() == [
         1e3,
