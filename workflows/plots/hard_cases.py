@@ -20,7 +20,7 @@ def plot_cases(path: Path, rows: Rows) -> None:
     names = list(dict.fromkeys(row["case"] for row in rows))
     titles = {row["case"]: row["title"] for row in rows}
     kinds = {row["case"]: row["kind"] for row in rows}
-    figure = Figure(figsize=(10, 1.4 + 0.22 * len(names)), layout="constrained")
+    figure = Figure(figsize=(10, 1.6 + 0.22 * len(names)), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     axes.axvspan(1.0, 2 * GREATEST, color="#d55e00", alpha=0.18, lw=0)

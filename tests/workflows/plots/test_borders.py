@@ -28,7 +28,7 @@ def test_cases_beyond_the_border_are_explained_and_under_no_legend(tmp_path, pic
     assert ("at the right border: 100 or more, or no result" in axes.get_xlabel()) == explained
     assert axes.get_legend().get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0  # above the frame
     (x, _), _ = axes.collections[0].get_offsets()
-    assert x == min(used, 500.0) and axes.get_xlim()[0] < x < axes.get_xlim()[1]
+    assert x == min(used, 100.0) and axes.get_xlim()[0] < x < axes.get_xlim()[1]
 
 
 def gas(error):
