@@ -30,13 +30,19 @@ def parameter_coordinates(params: Params, without: tuple[str, ...] = ()) -> list
     for name, field in type(params).model_fields.items():
         if name in without or name in params.without_result or kind(field.annotation) == "toml":
             continue
-        long_name, unit = " ".join((field.description or name).split()), "1"
-        if found := re.search(r" \[([^\[\]]+)\]$", long_name):
-            unit = found[1] if found[1] in UNITS else "1"
-            long_name = long_name[: found.start()] if found[1] in (*UNITS, "1") else long_name
+        unit, long_name = unit_and_name(type(params), name)
         value = _stored(field.annotation, None if name in idle else values[name])
         scalars.append(lsm.Scalar(RENAMED.get(name, name), value, long_name, unit))
     return scalars
+
+
+def unit_and_name(params_class: type[Params], name: str) -> tuple[str, str]:
+    """(unit, long name) of a parameter, from its description; the unit is "1" where that has words in its place."""
+    long_name, unit = " ".join((params_class.model_fields[name].description or name).split()), "1"
+    if found := re.search(r" \[([^\[\]]+)\]$", long_name):
+        unit = found[1] if found[1] in UNITS else "1"
+        long_name = long_name[: found.start()] if found[1] in (*UNITS, "1") else long_name
+    return unit, long_name
 
 
 def _stored(annotation: Any, value: Any) -> float | int | str:

@@ -16,6 +16,8 @@ from workflows.common.toml_reader import parsed, read_toml
 
 CONFIG = "config.toml"  # what every run writes first, and its folder is known by
 SWEEP = "sweep"  # the table of a file that says how parameters vary over the runs of a sweep
+CALIBRATE = "calibrate"  # that which says what parameters are wanted for
+OF_COMMANDS = (SWEEP, CALIBRATE)  # tables that are for the command of that name, not for an experiment
 
 
 class OfFile(NamedTuple):
@@ -62,7 +64,7 @@ def read_for(
     for key, value in (("experiment", written_for), ("preset", preset)):
         if not isinstance(value, str | None):
             problems.append(f"{key} = {as_written(value)} ({path}): must be a text.")
-    sweeps = SWEEP not in fields and content.pop(SWEEP, None) is not None
+    of_commands = [name for name in OF_COMMANDS if name not in fields and content.pop(name, None) is not None]
     other = written_for is not None and experiment != "" and written_for != experiment
     for key, value in content.items():
         if key in fields:
@@ -86,7 +88,7 @@ def read_for(
             top[key] = value
     notes = [*_foreign_notes(path, experiment, foreign, others)]
     notes += [f"{path}: the table [{name}] was not taken: it is for that experiment" for name in tables]
-    notes += [f"{path}: the table [{SWEEP}] was not taken: it is for lsm sweep"] * sweeps
+    notes += [f"{path}: the table [{name}] was not taken: it is for lsm {name}" for name in of_commands]
     of_this = isinstance(preset, str) and not other
     return OfFile(top, own, bool(tables or foreign or other), tuple(notes), preset if of_this else None)
 
