@@ -53,11 +53,13 @@ def test_commands_exist(page):
         words = (match[1] or match[2]).split()
         if words[0] in ("...", "my-test", "--help", "--version"):
             continue
-        assert words[0] in {*found, "list", "info", "resume", "sweep", "sweep-plot"}, match[0]
+        others = {"list", "info", "resume", "sweep", "sweep-plot", "sensitivity"}
+        assert words[0] in {*found, *others}, match[0]
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
         known = {"out", "config", "preset", "overwrite", "quiet", "strict", "help"}
         known |= {"effects", "presets"} if words[0] == "list" else set()
         known |= {"metric", "against", "colour", "facet", "format"} if words[0] == "sweep-plot" else set()
+        known |= {"metric"} if words[0] == "sensitivity" else set()
         known |= {"scheduler", "jobs", "retries", "format"} if words[0] == "sweep" else set()
         of_runs = found.values() if words[0] == "resume" else [found[words[0]]] if words[0] in found else []
         known |= {name for module in of_runs for name in module.Params.model_fields}

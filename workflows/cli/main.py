@@ -26,6 +26,7 @@ from workflows.cli import inspect_run
 from workflows.cli.execution import complain, problems_of
 from workflows.cli.options import workflow_command
 from workflows.cli.resume import resume
+from workflows.cli.sensitivity import sensitivity_command
 from workflows.cli.sweep import sweep_command
 from workflows.cli.sweep_plot import sweep_plot
 from workflows.common import signals
@@ -176,8 +177,9 @@ def build_app(found: dict[str, ModuleType]) -> App:
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
-    app.command(resume_run, name="resume", group=others_group)
-    app.command(info, name="info", group=others_group)
+    studies = {"sensitivity": sensitivity_command(found)}
+    for name, command in (studies | {"resume": resume_run, "info": info}).items():
+        app.command(command, name=name, group=others_group)
     return app
 
 

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from taichi_lsm.core.errors import InputError, finite, shown
+from workflows.sweep.saltelli import saltelli_sample
 
 MOST_RUNS = 100_000  # of a sweep
 SPACINGS = ("linear", "log")
 METHODS = ("latin-hypercube", "sobol")
+SALTELLI = "saltelli"  # blocks of points from which `lsm sensitivity` finds the indices of Sobol
 SAMPLE_KEYS = ("method", "count", "seed", "ranges")
 
 Point = dict[str, Any]  # {name of a parameter: its value in one run}
@@ -172,19 +174,24 @@ def _sample(sample: Mapping[str, Any], whole: frozenset[str]) -> Factor:
 
 
 def unit_sample(method: str, count: int, dimension: int, seed: int) -> np.ndarray:
-    """Points (count, dimension) in the unit cube, by a method of METHODS; InputError for another one."""
+    """Points (count, dimension) in the unit cube, by a method of METHODS; InputError for another one.
+
+    By SALTELLI `count` blocks of points, see `workflows.sweep.saltelli`.
+    """
     from scipy.stats import qmc
 
     if method == "latin-hypercube":
         return qmc.LatinHypercube(dimension, rng=np.random.default_rng(seed)).random(count)
-    if method == "sobol":
+    if method in ("sobol", SALTELLI):
         if count & (count - 1):
             near = 2 ** max(0, round(math.log2(count)))
             raise InputError(
                 f"sweep.sample.count = {count}: must be a power of two, such as {near}, for a balanced sequence"
             )
+        if method == SALTELLI:
+            return saltelli_sample(count, dimension, seed)
         return qmc.Sobol(dimension, rng=np.random.default_rng(seed)).random_base2(count.bit_length() - 1)
-    raise InputError(f"sweep.sample.method = {shown(method)}: must be one of {', '.join(METHODS)}")
+    raise InputError(f"sweep.sample.method = {shown(method)}: must be one of {', '.join((*METHODS, SALTELLI))}")
 
 
 def range_of(key: str, given: Any, more: Sequence[str] = ()) -> Range:

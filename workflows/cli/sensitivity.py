@@ -1,0 +1,74 @@
+"""`lsm sensitivity`: which parameters of a sweep its metrics depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from taichi_lsm.core.errors import InputError, SimulationError
+from workflows.cli.execution import complain
+from workflows.cli.sweep import Sweep
+from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.metrics import print_summary
+from workflows.common.one_run import Limits
+from workflows.plots.sensitivity import plot_sensitivity
+from workflows.sweep.sensitivity import metrics_of, parameters_of, sensitivity_of, write_sensitivity
+
+
+def sensitivity_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
+    """The command, for experiments by their name."""
+
+    def sensitivity(
+        path: Annotated[
+            Path,
+            Parameter(
+                name="PATH", help='folder of a sweep whose [sweep.sample] has method = "saltelli", or its file to run'
+            ),
+        ],
+        /,
+        *,
+        metric: Annotated[
+            list[str] | None, Parameter(name="--metric", help="metric of summary.json, may be repeated; friction_mean")
+        ] = None,
+        out: Annotated[Path, Parameter(name="--out", help="folder of the sweep, if PATH is a file")] = Path(
+            "out/sensitivity"
+        ),
+        jobs: Annotated[int, Parameter(name=["--jobs", "-j"], help="runs at a time on this machine [1]")] = 2,
+        format: Annotated[
+            Literal["png", "pdf", "svg"], Parameter(name="--format", help="format of the picture")
+        ] = "png",
+        quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
+    ) -> int:
+        """Find which share of a metric's variance each parameter of a sweep gives; writes sensitivity.nc, a picture."""
+        try:
+            folder = path
+            if path.is_file():
+                folder = out
+                Sweep(found, path, out, quiet, format).run(None, max(1, jobs), retries=3, limits=Limits())
+            study, indices = sensitivity_of(folder, metric or ())
+            write_sensitivity(folder, study, indices)
+            names = parameters_of(study, folder)
+            plot_sensitivity(folder / f"sensitivity.{format}", names, indices)
+        except InputError as error:
+            return complain([str(error)])
+        except (SimulationError, OSError) as error:
+            complain([reason_of(error)])
+            return FAILED
+        if not quiet:
+            rows = {name: entry.as_dict() for name, entry in metrics_of(names, indices).items()}
+            print_summary({"workflow": "sensitivity", "preset": None, "metrics": rows})
+        complain(
+            [
+                f"{name}: {of_metric.left_out} of {of_metric.left_out + of_metric.blocks} blocks are left out, as runs "
+                "in them gave nothing; run the sweep again, or see its notes."
+                for name, of_metric in indices.items()
+                if of_metric.left_out
+            ]
+        )
+        return COMPLETE
+
+    return sensitivity
