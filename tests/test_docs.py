@@ -53,7 +53,7 @@ def test_commands_exist(page):
         words = (match[1] or match[2]).split()
         if words[0] in ("...", "my-test", "--help", "--version"):
             continue
-        others = {"list", "info", "resume", "sweep", "sweep-plot", "sensitivity"}
+        others = {"list", "info", "resume", "sweep", "sweep-plot", "calibrate", "sensitivity"}
         assert words[0] in {*found, *others}, match[0]
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
         known = {"out", "config", "preset", "overwrite", "quiet", "strict", "help"}

@@ -23,6 +23,7 @@ from cyclopts import (
 
 from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
+from workflows.cli.calibrate import calibrate_command
 from workflows.cli.execution import complain, problems_of
 from workflows.cli.options import workflow_command
 from workflows.cli.resume import resume
@@ -177,7 +178,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
-    studies = {"sensitivity": sensitivity_command(found)}
+    studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
     for name, command in (studies | {"resume": resume_run, "info": info}).items():
         app.command(command, name=name, group=others_group)
     return app
