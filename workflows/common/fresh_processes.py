@@ -20,6 +20,8 @@ from typing import ParamSpec, TypeVar
 from taichi_lsm.core.errors import SimulationError
 from workflows.common import signals
 
+END_EVERY_S = 0.2
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -49,13 +51,36 @@ def fresh_processes(count: int) -> Iterator[ProcessPoolExecutor]:
             try:
                 yield pool
             except (signals.Interrupted, OSError):  # what runs is given up, or the pool would wait for all of it
-                for child in multiprocessing.active_children():
-                    child.terminate()
                 # Its thread and semaphores end here: a further signal while Python exits would leave them behind.
-                pool.shutdown(wait=True, cancel_futures=True)
+                with _ending_children():
+                    pool.shutdown(wait=True, cancel_futures=True)
                 raise
     except BrokenProcessPool as error:
         raise SimulationError("a process of the run was killed, perhaps for want of memory") from error
+
+
+@contextmanager
+def _ending_children() -> Iterator[None]:
+    """Ask all child processes to end, again and again during the block.
+
+    The thread of a pool may just be starting one, which waits for work under a lock that an ended one has left locked.
+    """
+    done = threading.Event()
+
+    def end() -> None:
+        while not done.is_set():
+            for child in multiprocessing.active_children():
+                child.terminate()
+            done.wait(END_EVERY_S)
+
+    with signals.blocked():  # the thread leaves them to the main one
+        thread = threading.Thread(target=end, daemon=True)
+        thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()
 
 
 def _start_silent_tracker() -> None:

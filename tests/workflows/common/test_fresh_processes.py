@@ -1,5 +1,6 @@
 """Calls in fresh processes, which end with the one that waits for them, however that ends."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -8,6 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+
+from workflows.common import signals
+from workflows.common.fresh_processes import fresh_processes
 
 ROOT = Path(__file__).parents[3]
 
@@ -46,6 +50,28 @@ def test_an_interrupted_pool_ends_without_a_word(tmp_path):
     left, problems = parent.communicate(timeout=20)
     assert parent.returncode == 128 + signal.SIGINT
     assert left == "1 0\n" and problems == ""  # threads and processes
+
+
+def stubborn(folder):
+    """Waits, and takes no notice of the first request to end, as a process that starts after it was made."""
+    signal.signal(signal.SIGTERM, lambda *_: signal.signal(signal.SIGTERM, signal.SIG_DFL))
+    (folder / f"begun-{os.getpid()}").touch()
+    time.sleep(60)
+    (folder / "waited to the end").touch()
+
+
+def test_processes_that_a_first_request_did_not_reach_end_with_an_interrupted_pool(tmp_path):
+    def interrupted():
+        with fresh_processes(2) as pool:
+            for _ in range(3):
+                pool.submit(stubborn, tmp_path)
+            wait_until(lambda: len(list(tmp_path.glob("begun-*"))) == 2)
+            raise signals.Interrupted(signal.SIGTERM)
+
+    with pytest.raises(signals.Interrupted):
+        interrupted()
+    assert multiprocessing.active_children() == []
+    assert not (tmp_path / "waited to the end").exists()
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks /proc which processes are alive")
