@@ -31,10 +31,12 @@ from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene, target_error
 from workflows.gouge.labels import grain_words
 from workflows.gouge.layer_cost import layer_cost, start_seconds
+from workflows.gouge.layer_drives import LayerDrives
 from workflows.gouge.layer_metrics import BOUNDS, REMEDIES, analyse
-from workflows.gouge.layer_scene import build, effects_of, shear_drive
-from workflows.gouge.layer_schedule import SHEAR, layer_schedule
+from workflows.gouge.layer_scene import build, effects_of
+from workflows.gouge.layer_schedule import CONSOLIDATE, layer_schedule
 from workflows.gouge.parameters import Params
+from workflows.gouge.shear_stages import expected
 from workflows.gouge.target_runs import run_to_target, runs_of
 from workflows.plots import run_plots
 from workflows.protocol.conditions import LOADED
@@ -237,11 +239,12 @@ def _record(
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene
     first: list[tuple[float, int, float]] = []
+    goal = expected(params)[0]
 
     def report(stage: Stage, row: dict[str, Any]) -> None:
         if not progress:
             return
-        if stage.name != SHEAR:
+        if stage.name == CONSOLIDATE:
             loaded = abs(row["platen_normal_stress"] / params.normal_stress - 1.0) < LOADED
             height = {"height": layer.thickness, "height_goal": params.layer[0]}
             stress = {"normal_stress": row["platen_normal_stress"]}
@@ -249,14 +252,11 @@ def _record(
             return
         now = time.perf_counter(), sim.step, row["shear_strain"]
         first.append(now)
-        progress(_progress(row, params, layer, first[0], now))
-
-    def set_velocity(velocity: float) -> None:
-        platens: Any = sim.platens  # the attributes depend on the class of the drive
-        platens.set("top", 0, shear_drive(params, velocity, platens.drives[1][1].inertia))
+        shown = stage.name if params.stages else "shearing"
+        progress(_progress(row, shown + f" {stage.cycle}" * (stage.cycle > 0), goal, layer, first[0], now))
 
     with lsm.LayerRecorder(
-        out, layer, title, summary, to_toml(params, NAME), params.seed, scalars, start.keep
+        out, layer, title, summary, to_toml(params, NAME), params.seed, scalars, start.keep, bool(params.stages)
     ) as recorder:
         if resume:  # now that the files and the checkpoint are known to belong together
             begin_run(params, NAME, out)
@@ -264,7 +264,7 @@ def _record(
             layer,
             recorder,
             schedule,
-            set_velocity,
+            LayerDrives(params, sim),
             report,
             watch,
             start,
@@ -277,16 +277,17 @@ def _record(
 
 def _progress(
     row: dict[str, Any],
-    params: Params,
+    stage: str,
+    goal: float,
     layer: lsm.ShearedLayer,
     first: tuple[float, int, float],
     last: tuple[float, int, float],
 ) -> dict[str, Any]:
-    """Report for the progress line; speed and remaining time are known from the second row on."""
+    """Report for the progress line, to a strain [1]; speed and remaining time are known from the second row on."""
     report = {
-        "stage": "shearing",
+        "stage": stage,
         "strain": row["shear_strain"],
-        "strain_total": params.strain,
+        "strain_total": goal,
         "friction": row["friction"],
         "normal_stress": row["platen_normal_stress"],
         "energy_residual": layer.residual_fraction(),
@@ -294,5 +295,5 @@ def _progress(
     spent, steps, strain = (b - a for a, b in zip(first, last))
     if strain > 0:
         report["steps_per_second_grain"] = steps * len(layer.sim) / spent
-        report["eta"] = spent / strain * (params.strain - row["shear_strain"])
+        report["eta"] = spent / strain * (goal - row["shear_strain"])
     return report

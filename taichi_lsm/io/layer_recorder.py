@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 STAGE = {"stage": "stage of the run"}
 STAGE_INDEX = Variable("stage_index", ("time",), "i32", "1", "place of the stage in the schedule from 1 on; 0 before")
+CYCLE_ROWS = [
+    Variable("cycle", ("time",), "i32", "1", "number of the repetition of its stages from 1 on; 0 of one not repeated"),
+    Variable("stage_slip", ("time",), "f64", "m", "slip of the layer since the stage began"),
+]
 (STRAIN,) = (row for row in layer_rows() if row.name == "shear_strain")
 
 
@@ -48,6 +52,8 @@ class LayerRecorder:
         Random seed of the packing.
     scalars
         What tells the run from others, such as its name and parameters: scalar coordinates of both files.
+    cycles
+        Whether rows tell the repetition of their stage and the slip since it began.
     keep
         Rows of run.nc and snapshots of grains.nc in the folder, written by a run that was stopped, which this run goes
         on from; None: a new run.
@@ -68,9 +74,10 @@ class LayerRecorder:
         seed: int,
         scalars: Sequence[Scalar] = (),
         keep: tuple[int, int] | None = None,
+        cycles: bool = False,
     ) -> None:
         sim = layer.sim
-        self.layer, self.sim = layer, sim
+        self.layer, self.sim, self.cycles = layer, sim, cycles
         runtime = sim.runtime
         attributes = file_attributes(title, summary, config_toml, seed, sim.dt, runtime.arch, runtime.precision)
         self.begin_stage("", 0)
@@ -80,7 +87,7 @@ class LayerRecorder:
         kept_rows, kept_snapshots = keep or (None, None)
         self.run = RunWriter(
             out / "run.nc",
-            [*layer_rows(sim.spec.bonds > 0), STAGE_INDEX],
+            [*layer_rows(sim.spec.bonds > 0), STAGE_INDEX, *(CYCLE_ROWS if cycles else ())],
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),
@@ -107,13 +114,18 @@ class LayerRecorder:
         """Identifier of the run, the same in all its files, also after it went on."""
         return self.run.attributes["id"]
 
-    def begin_stage(self, name: str, index: int) -> None:
-        """Name the stage of the rows and snapshots that follow; index: its place in the schedule from 1 on."""
-        self._stage = {"stage": name, "stage_index": index}
+    def begin_stage(self, name: str, index: int, cycle: int = 0, slip: float = 0.0) -> None:
+        """Name the stage of the rows and snapshots that follow.
+
+        index: its place in the schedule from 1 on; cycle: of its repetition; slip: of the layer as it began [m].
+        """
+        self._stage, self._cycle, self._slip = {"stage": name, "stage_index": index}, cycle, slip
 
     def row(self) -> Row:
         """Append a row to run.nc and return it."""
         row = self.layer.row() | self._stage
+        if self.cycles:
+            row |= {"cycle": self._cycle, "stage_slip": self.layer.slip - self._slip}
         with self.sim.clock("output"):
             self.run.append(row)
         self.rows += 1

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..bonds.fragments import fragments
+from ..boundaries.platen_drives import ServoStress
 from ..core.errors import InputError, SimulationError
 from .contact_stiffness import contact_stiffness
 from .energy_budget import energies
@@ -59,7 +60,7 @@ class ShearedLayer:
                 raise InputError(f"ShearedLayer.{name}: {value!r}, must be > 0")
         if not sim.scene.track_dissipation:
             raise InputError("ShearedLayer: Scene.track_dissipation is False, must be True for a closed energy budget")
-        self.sim, self.target, self.diameter = sim, target_stress, diameter
+        self.sim, self._target, self.diameter = sim, target_stress, diameter
         self.platens = platens = two_platens(sim)
         self.effects = [e.name for e in sim.forces.channels] + ["servo"]
         scene = sim.scene
@@ -138,6 +139,12 @@ class ShearedLayer:
         self.memory = LayerMemory.from_plain(memory)
 
     @property
+    def target(self) -> float:
+        """Normal stress that the servo keeps now [Pa]; the one that was given where the top platen has none."""
+        drive = self.platens.drives[1][1]
+        return drive.stress if isinstance(drive, ServoStress) else self._target
+
+    @property
     def strain(self) -> float:
         """Shear strain since shear began [1], up to the last sample."""
         return self.memory.strain
@@ -160,13 +167,13 @@ class ShearedLayer:
 
     @property
     def stiffness_number(self) -> float:
-        """Stiffness number of the contacts under the target stress [1], of the effects that repel.
+        """Stiffness number of the contacts under the stress that the layer was given [1], of the effects that repel.
 
         k/(P b) in 2D and k/(P d) in 3D of springs k, (E/P)^(2/3) of Hertz's contacts; nan without either.
         """
         scene = self.sim.scene
         width = scene.thickness if scene.dim == 2 else self.diameter
-        return contact_stiffness(scene.effects, self.target, width) / (self.target * width)
+        return contact_stiffness(scene.effects, self._target, width) / (self._target * width)
 
     def row(self) -> Row:
         """The row of run.nc for the time since the last one, but for its stage.

@@ -176,9 +176,7 @@ def combine_replicas(
     differ by three times their own errors or more, and in 97 to 99.5 % (2 runs) where they do not differ. No rule for
     two or three runs keeps 95 % in both cases: a small scatter does not tell one from the other.
 
-    References
-    ----------
-    Satterthwaite (1946), doi:10.2307/3002019, for the degrees of freedom of the pooled error.
+    The degrees of freedom of the pooled error are by Satterthwaite (1946), doi:10.2307/3002019.
     """
     try:
         means = np.asarray(means, dtype=float)
@@ -193,17 +191,16 @@ def combine_replicas(
     freedom = _of_replicas("effective_samples", effective_samples, count, math.inf) / SAMPLES_PER_FREEDOM
 
     within = _pooled(errors, freedom, count)
+    unknown = math.isnan(within[0])
     if count == 1:
-        reason = "" if math.isfinite(within[0]) else "one run whose own error is unknown: shear it further, or run more"
+        reason = "one run whose own error is unknown: shear it further, or run more" if unknown else ""
         return Estimate(mean, *within, unknown=reason)
     between = Estimate(mean, float(means.std(ddof=1)) / math.sqrt(count), count, count - 1.0)
-    if np.ptp(means) == 0 and math.isnan(within[0]):
-        return Estimate(mean, math.nan, count, math.nan, "all runs are equal: give them other seeds")
-    if math.isnan(within[0]) and standard_errors is not None and count < LEAST_RUNS:
-        reason = f"{count} runs whose own errors are unknown, and which may agree by chance: shear further, or run more"
-        return Estimate(mean, math.nan, count, math.nan, reason)
-    if math.isnan(within[0]):
-        return between
+    if unknown:
+        reason = "all runs are equal: give them other seeds" if np.ptp(means) == 0 else ""
+        if standard_errors is not None and count < LEAST_RUNS:
+            reason = reason or f"{count} runs whose own errors are unknown, and which may agree by chance: run more"
+        return Estimate(mean, math.nan, count, math.nan, reason) if reason else between
     pooled = Estimate(mean, within[0], count, within[2])
     larger, half_width = max(between[1], pooled[1]), max(between.half_width, pooled.half_width)
     return Estimate(mean, larger, count, _freedom(half_width / larger) if larger > 0 else math.inf)

@@ -47,6 +47,8 @@ BASES = {
         LAYER | {"dim": 3, "width": 5.0},
         LAYER | {"effects": [RATE_AND_STATE, HERTZ]},
         LAYER | {"effects": [DASHPOT], "load_stiffness": 1e3},
+        {name: value for name, value in LAYER.items() if name not in ("strain", "steady_from")}
+        | {"stages": [{"name": "shear", "velocity": 1.0, "until": {"strain": 0.5}}]},
         {"layer_thickness": 8.0, "length": 20.0, "target_error": 0.05},
     ],
     "compare-shapes": [
@@ -55,7 +57,10 @@ BASES = {
         {name: value for name, value in LAYER.items() if name != "grains"} | {"layer_thickness": 8.0, "replicas": 1},
     ],
 }
-TABLES = ([DASHPOT | {"restitution": 0.7}], [{"name": "gravity", "acceleration": [0.0, -9.81, 0.0]}])
+TABLES = {  # other values of what only a file can give
+    "effects": ([DASHPOT | {"restitution": 0.7}], [{"name": "gravity", "acceleration": [0.0, -9.81, 0.0]}]),
+    "stages": ([{"name": "fast", "velocity": 2.0, "until": {"strain": 0.5}}],),
+}
 
 
 class Stop(Exception):
@@ -78,7 +83,7 @@ class Simulation:
     def __init__(self, scene, *machine):
         self.log = [scene_words(scene), *machine]
         self.scene, self.dt, self.step, self.speed = scene, scene.chosen_dt(), 0, 0.0
-        drives = [[None], [None, SimpleNamespace(inertia=1.0)]]
+        drives = [[None], [SimpleNamespace(velocity=0.0), SimpleNamespace(inertia=1.0)]]
         self.platens = SimpleNamespace(drives=drives, set=self.drive)
 
     def __len__(self):
@@ -136,7 +141,7 @@ class Recorder:
     def __exit__(self, *error):
         return None
 
-    def begin_stage(self, name, index):
+    def begin_stage(self, name, index, cycle=0, slip=0.0):
         self.layer.sim.log.append((name, index))
 
     def flush(self):
@@ -165,6 +170,7 @@ def series():
     wave = 1.0 + 0.1 * np.sin(40.0 * strain) + 0.3 * np.exp(-strain)
     columns = {name: ("time", 5e6 * wave ** (1 + i % 3)) for i, name in enumerate(ROWS)}
     columns |= {"shear_strain": ("time", strain), "stage": ("time", ["shear"] * len(strain)), "stiffness_number": 1.0}
+    columns |= {name: ("time", np.ones(len(strain), int)) for name in ("stage_index", "cycle")}
     return xarray.Dataset(columns, coords={"time": strain}).set_coords(["stage", "shear_strain"])
 
 
@@ -218,11 +224,11 @@ def observed(monkeypatch, tmp_path):
     return observe
 
 
-def other_values(field, value):
-    """Values of an option other than `value`, near it where it is a number."""
+def other_values(key, field, value):
+    """Values of the option `key` other than `value`, near it where it is a number."""
     how, names = kind(field.annotation), choices(field.annotation)
     if how == "toml":
-        return TABLES
+        return TABLES[key]
     if how == "flag":
         return [not value]
     if names:
@@ -239,7 +245,7 @@ def other_values(field, value):
 def outcomes(name, base, key, field, observe, before):
     """For each other value of an option "acts", "ignored", or the reason why it is refused."""
     module = WORKFLOWS[name]
-    for value in other_values(field, getattr(merge(module.Params, options=base), key)):
+    for value in other_values(key, field, getattr(merge(module.Params, options=base), key)):
         try:
             params = merge(module.Params, options=base | {key: value})
             yield "acts" if observe(module, params) != before else "ignored"

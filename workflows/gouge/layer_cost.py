@@ -12,6 +12,7 @@ from workflows.common.run_cost import PROCESS_BYTES, RunCost
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.layer_scene import LARGEST_SPEED, effects_of, mobile_count, stand_in
 from workflows.gouge.parameters import Params
+from workflows.gouge.shear_stages import expected
 
 TABLE = "layer_costs.json"  # made by workflows/accuracy/prices.py
 GRAIN_BYTES = {("round", 2): 1.2e3, ("angular", 2): 2.0e3, ("round", 3): 1.5e3, ("angular", 3): 4.0e3}
@@ -46,10 +47,11 @@ def layer_cost(params: Params) -> RunCost:
     if p.start == "loose":
         loose = mobile_count(p) * (CELL * REACH[shape] * p.largest_diameter) ** p.dim / float(np.prod(lengths))
         fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
-    steps = p.inertial_time * (fall + SETTLING[kind] + p.strain / p.inertial_number) / dt
+    strain, shear_time = expected(p)
+    steps = p.inertial_time * (fall + SETTLING[kind] + shear_time) / dt
     grains = mobile_count(p) * (p.pieces if p.breakable else 1)
     price = price_of(*kind)
-    per_grain = price["grain_step_seconds"] * steps + price["grain_strain_seconds"] * p.strain
+    per_grain = price["grain_step_seconds"] * steps + price["grain_strain_seconds"] * strain
     seconds = price["start_seconds"] + grains * per_grain
     return RunCost(steps, seconds, PROCESS_BYTES + GRAIN_BYTES[kind] * grains)
 

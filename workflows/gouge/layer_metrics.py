@@ -10,6 +10,8 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, metrics_of_estimate
 from workflows.gouge.parameters import Params
+from workflows.gouge.staged_metrics import stage_metrics
+from workflows.protocol.stage_tables import RESERVED
 
 if TYPE_CHECKING:
     import xarray
@@ -46,7 +48,9 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     params
         Of that run.
     """
-    sheared = dataset.isel(time=dataset.stage.values == "shear")
+    sheared = sheared_rows(dataset)
+    if params.stages:
+        return _staged(dataset, sheared, params)
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     platen = lsm.statistics.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
@@ -74,16 +78,40 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
     metrics |= _breakage(sheared) | _spring(params)
-    for name, bound in BOUNDS.items():
-        value = float(metrics[name].value or 0.0)
-        metrics[name] = Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
-    return metrics
+    return metrics | {name: _claimed(name, metrics[name]) for name in BOUNDS}
+
+
+def _staged(dataset: xarray.Dataset, sheared: xarray.Dataset, params: Params) -> dict[str, Metric]:
+    """Metrics of a run through stages, whose rows are of no steady state."""
+    residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max() / sheared.work_throughput[-1]
+    number = float(dataset.stiffness_number)
+    return {
+        **stage_metrics(sheared),
+        "shear_strain": Metric(float(sheared.shear_strain[-1]), "1", note="of all stages"),
+        "cycles": Metric(int(sheared.cycle.max()), "1", note="repetitions of the stages that are repeated"),
+        "stiffness_number": Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS),
+        "energy_residual": _claimed("energy_residual", Metric(float(residual), "1")),
+        "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
+        **_breakage(sheared),
+        **_spring(params),
+    }
+
+
+def _claimed(name: str, metric: Metric) -> Metric:
+    """A metric with the bound that is claimed for it."""
+    value, bound = float(metric.value or 0.0), BOUNDS[name]
+    return Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
 
 
 def _mean(estimate: lsm.statistics.Estimate, unit: str) -> Metric:
     """A mean with its 95 % interval, where that is known."""
     known = np.isfinite(estimate.standard_error)
     return Metric(float(estimate.mean), unit, interval=estimate.interval if known else None)
+
+
+def sheared_rows(dataset: xarray.Dataset) -> xarray.Dataset:
+    """The rows of run.nc since shear began: of all stages but those of the start and the consolidation."""
+    return dataset.isel(time=~np.isin(dataset.stage.values, RESERVED))
 
 
 def worst_claims(runs: Mapping[str, Mapping[str, float]]) -> dict[str, Metric]:

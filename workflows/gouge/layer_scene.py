@@ -228,20 +228,24 @@ def _bond(p: Params) -> lsm.effects.ElasticBrittleBond:
     )
 
 
-def shear_drive(params: Params, velocity: float, inertia: float) -> lsm.SpringLoadPoint | lsm.ConstantVelocity:
+def shear_drive(
+    params: Params, velocity: float, inertia: float, change: float = 0.0
+) -> lsm.SpringLoadPoint | lsm.ConstantVelocity:
     """The drive of the top platen along the shear.
 
     Parameters
     ----------
     params
-        Of the run: with a load stiffness the drive is a load point with its spring, else the platen is brought up to
-        speed over one inertial time.
+        Of the run: with a load stiffness the drive is a load point with its spring, else the velocity of the platen
+        changes over one inertial time.
     velocity
         Of the load point or the platen [m s-1].
     inertia
         Of the platen on its spring [kg].
+    change
+        Of the velocity of the platen [m s-1].
     """
     p = params
     if p.spring:
         return lsm.SpringLoadPoint(velocity, p.spring, inertia)
-    return lsm.ConstantVelocity(velocity, acceleration=max(abs(velocity), 1e-3 * p.diameter) / p.inertial_time)
+    return lsm.ConstantVelocity(velocity, acceleration=max(abs(change), 1e-3 * p.diameter) / p.inertial_time)

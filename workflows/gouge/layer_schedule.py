@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from workflows.gouge.layer_drives import SHEAR_RATE
 from workflows.gouge.layer_scene import LARGEST_SPEED
 from workflows.gouge.parameters import Params
+from workflows.gouge.shear_stages import SAMPLES_PER_ROW, shear_stages
 from workflows.protocol.conditions import Reached, Settled
-from workflows.protocol.schedule import Stage
+from workflows.protocol.schedule import Change, Spacing, Stage
 
-SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 ROW_TIMES = 2.0  # inertial times between two rows of the consolidation
 SETTLING_SAMPLES = 4  # in each of them
-SHEAR = "shear"  # the stage in which friction is measured
+CONSOLIDATE = "consolidate"
+SHEAR = "shear"  # the stage in which friction is measured, where no stages are given
 
 
 def layer_schedule(params: Params, dt: float, thickness: float) -> list[Stage]:
@@ -29,19 +31,20 @@ def layer_schedule(params: Params, dt: float, thickness: float) -> list[Stage]:
     p = params
     falling = thickness / (LARGEST_SPEED * p.diameter)
     consolidate = Stage(
-        "consolidate",
+        CONSOLIDATE,
         until=Settled(p.normal_stress, (SETTLE_TIMES + falling) * p.inertial_time),
-        sample_steps=max(1, -(-int(ROW_TIMES * p.inertial_time / dt) // SETTLING_SAMPLES)),
-        samples=SETTLING_SAMPLES,
+        spacing=Spacing(
+            SETTLING_SAMPLES * -(-int(ROW_TIMES * p.inertial_time / dt) // SETTLING_SAMPLES), SETTLING_SAMPLES
+        ),
     )
+    if p.stages:
+        return [consolidate, *shear_stages(p, dt)]
     steps_per_row = p.inertial_time / (p.inertial_number * p.rows_per_strain * dt)
     shear = Stage(
         SHEAR,
         until=Reached(strain=p.strain),
-        sample_steps=max(1, round(steps_per_row / SAMPLES_PER_ROW)),
-        samples=SAMPLES_PER_ROW,
-        velocity=p.inertial_number / p.inertial_time,
-        per_thickness=True,
+        spacing=Spacing(steps_per_row, SAMPLES_PER_ROW),
+        drives={SHEAR_RATE: Change(p.inertial_number / p.inertial_time)},
         snapshot_strain=1.0,
     )
     return [consolidate, shear]

@@ -13,6 +13,7 @@ from workflows.common.parameter_types import OtherNames
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import in_terms_of
 from workflows.gouge.labels import ROUND
+from workflows.protocol.stage_tables import StageTable, problems_of_stages
 
 if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
@@ -118,6 +119,11 @@ class Params(BaseParams):
         description="the same over the shear stiffness of the layer, that of columns of contacts through its "
         "thickness: far below 1 the machine is soft and the layer may slip in events [1]",
     )
+    stages: list[StageTable] = Field(
+        default=[],
+        description="stages of the shear in place of one at the velocity of the inertial number: tables [[stages]] "
+        "with name, velocity, until and more, see docs/protocols.md",
+    )
     strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
     steady_from: float = Field(
         default=1.0,
@@ -192,7 +198,10 @@ class Params(BaseParams):
 
     def _problems_of_shear(self) -> Iterator[str]:
         """Contradictions among the strain to reach, the steady state and the target error."""
-        if self.target_error is None and self.strain < self.steady_from + self.least_steady:
+        yield from problems_of_stages(self.stages)
+        if self.stages and self.target_error is not None:
+            yield "--target-error plans the strain itself: leave out either it or [[stages]]"
+        if self.target_error is None and not self.stages and self.strain < self.steady_from + self.least_steady:
             slips = f", which lie up to {STICK_SLIP} times as far apart where a layer on a spring slips"
             yield (
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
@@ -229,6 +238,10 @@ class Params(BaseParams):
             found |= dict.fromkeys(
                 ("strain", "step_safety", "profile", "keep_checkpoint", "checkpoint_seconds"),
                 "with --target-error, which makes the runs",
+            )
+        if self.stages:
+            found |= dict.fromkeys(
+                ("strain", "steady_from"), "beside [[stages]], which say how far the layer is sheared"
             )
         for effect in self.given_effects():
             role = effect.role or effect.phase

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import taichi_lsm as lsm
 
+if TYPE_CHECKING:
+    import xarray
+
 COLOUR_OF_ZERO = "0.5"
 DASHES = (0, (5, 3))  # of means
+ROOM_OF_LETTER = 0.014  # of the width of the axes
 MARGIN = 0.05  # of the span, below what is negative
 SMOOTH_STRAIN = 0.05  # width of the running mean of curves
 
@@ -42,6 +46,20 @@ def draw_zero(axes: Any) -> None:
     """A line at 0 across a vertical axis that goes below it."""
     if axes.get_ylim()[0] < 0.0:
         axes.axhline(0.0, color=COLOUR_OF_ZERO, lw=0.8, zorder=1)
+
+
+def mark_stages(axes: Any, sheared: xarray.Dataset) -> None:
+    """A line where each stage of a run begins, and the name of those that have room for it, at the foot of the axes."""
+    strain, index = sheared.shear_strain.values, sheared.stage_index.values
+    begins = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
+    ends = [*begins[1:], len(strain) - 1]
+    width = axes.get_xlim()[1]
+    for begin, end in zip(begins, ends, strict=True):
+        axes.axvline(strain[begin], color="0.6", lw=0.7, ls=":", zorder=1)
+        name = str(sheared.stage.values[begin])
+        if strain[end] - strain[begin] > ROOM_OF_LETTER * width * len(name):
+            middle = 0.5 * (strain[begin] + strain[end])
+            axes.text(middle, 0.01, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom", fontsize=8)
 
 
 def running_mean(values: NDArray, width: int) -> NDArray:

@@ -17,9 +17,18 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.common.metrics import shown
 from workflows.gouge.labels import effect_words, friction_words, grains_of_run, other_effects, shape_words, spring_words
+from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published, draw_seeds
-from workflows.plots.friction_axes import DASHES, SMOOTH_STRAIN, axis_limits, draw_zero, estimate_text, smoothed
+from workflows.plots.friction_axes import (
+    DASHES,
+    SMOOTH_STRAIN,
+    axis_limits,
+    draw_zero,
+    estimate_text,
+    mark_stages,
+    smoothed,
+)
 from workflows.plots.layer_pictures import (
     MIDDLE,
     bar_beside,
@@ -43,7 +52,7 @@ def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
     """
     out, path = Path(out), Path(out) / f"run.{kind}"
     dataset = lsm.open_run(out / "run.nc")
-    params, sheared = _params(dataset), _sheared(dataset)
+    params, sheared = _params(dataset), sheared_rows(dataset)
     more = [draw_spring] * bool(spring_words(params)) + [draw_breakage] * ("bond_count" in sheared)
     places = "ab;cd" + ("", ";ee", ";ef")[len(more)]
     with figure_at(path, (11, 12 if more else 8)) as figure:
@@ -109,7 +118,7 @@ def plot_comparison(out: str | os.PathLike[str], kind: str = "png") -> Path:
         upper, lower = np.array(figure.subfigures(2, 1, height_ratios=(1, 1.1), hspace=0.03), dtype=object)
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
-        of_shapes = {shape: curves_of([_sheared(run) for run in runs]) for shape, runs in series.items()}
+        of_shapes = {shape: curves_of([sheared_rows(run) for run in runs]) for shape, runs in series.items()}
         since = next((_params(runs[0]).steady_from for runs in series.values()), 0.0)
         draw_comparison(curves, of_shapes, found, since, dim)
         draw_published(published, found, dim, {shape: _complete(table, shape).friction_mean.values for shape in series})
@@ -131,7 +140,7 @@ def plot_comparison(out: str | os.PathLike[str], kind: str = "png") -> Path:
             draw_colour_bar(lower, drawn, ax=layers, aspect=30)
             one = next(iter(series.values()))[0]
             grains = " and of ".join(shape_words(shape, dim) for shape in series)
-            figure.suptitle(wrapped(_conditions(_params(one), _sheared(one), grains)))
+            figure.suptitle(wrapped(_conditions(_params(one), sheared_rows(one), grains)))
     return path
 
 
@@ -144,11 +153,11 @@ def plot_target(out: str | os.PathLike[str], error: float, kind: str = "png") ->
     found = SimpleNamespace(mean=mean, half_width=error, interval=(mean - error, mean + error))
     with figure_at(path, (11, 4.6)) as figure:
         curves, seeds = figure.subplots(1, 2, width_ratios=(1.35, 1))
-        of_shape = {params.shape: curves_of([_sheared(run) for run in runs])}
+        of_shape = {params.shape: curves_of([sheared_rows(run) for run in runs])}
         draw_comparison(curves, of_shape, {params.shape: found}, params.steady_from, params.dim)
         draw_seeds(seeds, table, found, float(table.target_error[0]), COLOUR[params.shape])
         grains = shape_words(params.shape, params.dim)
-        figure.suptitle(wrapped(_conditions(params, _sheared(runs[0]), grains)))
+        figure.suptitle(wrapped(_conditions(params, sheared_rows(runs[0]), grains)))
     return path
 
 
@@ -164,10 +173,6 @@ def say_why_none(axes: Any, table: Any, shape: str, dim: int, letter: str) -> No
 def _params(dataset):
     """The parameters of a run of shear-gouge, as stored in its file."""
     return SimpleNamespace(**tomllib.loads(dataset.config_toml))
-
-
-def _sheared(dataset):
-    return dataset.isel(time=dataset.stage.values == "shear")
 
 
 def _complete(table, shape):
@@ -195,13 +200,14 @@ def wrapped(text: str, width: int = TITLE_LINE) -> str:
 
 def _conditions(params, sheared, grains):
     """The title: what the layer consists of, in words, how it is sheared, and at which numbers."""
-    steady = sheared.inertial_number[(sheared.shear_strain >= params.steady_from).values]
+    steady = sheared.inertial_number[(sheared.shear_strain >= getattr(params, "steady_from", 0.0)).values]
     rate = float((steady if steady.size else sheared.inertial_number).mean())
     sizes = dict.fromkeys(f"{1e6 * d:g}" for d in (params.smallest_diameter, params.largest_diameter))
     spring = spring_words(params)
+    driven = "sheared in stages" if getattr(params, "stages", None) else "sheared at constant velocity"
     return (
         f"{params.dim}D gouge of {grains}, {' to '.join(sizes)} µm across, "
-        f"{f'pulled by a spring of {spring}' if spring else 'sheared at constant velocity'}, "
+        f"{f'pulled by a spring of {spring}' if spring else driven}, "
         f"normal stress {params.normal_stress / 1e6:g} MPa, {friction_words(sheared)}{other_effects(sheared)}, "
         f"inertial number {shown(rate, '.2g')}, stiffness number {shown(float(sheared.stiffness_number))}"
     )
@@ -214,16 +220,22 @@ def _draw_friction(axes, sheared, params):
     axes.plot(strain, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
     axes.plot(strain, smoothed(strain, bulk), color=colour, lw=1.7, label=f"bulk, mean over strain {SMOOTH_STRAIN:g}")
     axes.plot(strain, smoothed(strain, platen), "k:", lw=1.2, label="the same at the top platen")
+    axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
+    axes.set_title("(a) friction: shear stress / normal stress")
+    if getattr(params, "stages", None):
+        axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), space=1.5))
+        mark_stages(axes, sheared)
+        draw_zero(axes)
+        axes.legend(loc="upper left")
+        return
     steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     since, last = params.steady_from, strain[-1]
     axes.plot([since, last], [steady.mean] * 2, "k", ls=DASHES, lw=1.2, label=f"steady: {estimate_text(steady)}")
     if np.isfinite(steady.half_width):
         axes.fill_between([since, last], *steady.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
-    axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
     axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), steady.interval, space=1.5))
     draw_zero(axes)
     axes.legend(loc="upper left")
-    axes.set_title("(a) friction: shear stress / normal stress")
 
 
 def _draw_thickness(axes, sheared, colour):

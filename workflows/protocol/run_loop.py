@@ -7,8 +7,8 @@ at steps that the schedule fixes, and between them a simulation may run in piece
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Protocol
 
 import taichi_lsm as lsm
 from workflows.common import signals
@@ -25,6 +25,18 @@ LARGEST_PIECE = 1_000_000  # steps
 Report = Callable[[Stage, dict[str, Any]], None]  # takes the stage and the row that was recorded
 
 
+class Drives(Protocol):
+    """What stages drive, by the names that they have for it; values in their units."""
+
+    def value(self, name: str, thickness: float | None) -> float:
+        """The value now; thickness: of the layer as shear began [m], None before."""
+        ...
+
+    def set(self, name: str, value: float, thickness: float | None) -> None:
+        """Set a value from now on."""
+        ...
+
+
 class RunLoop:
     """Takes a layer through a schedule.
 
@@ -34,8 +46,8 @@ class RunLoop:
         What is measured, and the files that it is written to.
     schedule
         The stages, in their order.
-    drive
-        Sets the velocity of the load point or of the platen [m s-1].
+    drives
+        Values of what the stages drive, which it reads and sets.
     report
         Called after every row.
     watch
@@ -58,7 +70,7 @@ class RunLoop:
         layer: lsm.ShearedLayer,
         recorder: lsm.LayerRecorder,
         schedule: Sequence[Stage],
-        drive: Callable[[float], None],
+        drives: Drives,
         report: Report,
         watch: Stopwatch,
         start: Start,
@@ -66,7 +78,7 @@ class RunLoop:
         checkpoint_seconds: float | None = None,
     ) -> None:
         self.layer, self.recorder, self.sim = layer, recorder, layer.sim
-        self.schedule, self.drive, self.report, self.watch = list(schedule), drive, report, watch
+        self.schedule, self.drives, self.report, self.watch = list(schedule), drives, report, watch
         self.position, self.identity = start.position or Position(), dict(identity)
         self._piece = max(1, int(FIRST_PIECE / len(self.sim)))  # steps
         self._kept, self._given = time.perf_counter(), checkpoint_seconds
@@ -123,30 +135,45 @@ class RunLoop:
         self._interval = self._given or max(CHECKPOINT_S, CHECKPOINT_COST * (self._kept - began))
 
     def _begin(self, stage: Stage) -> None:
-        """Set the drive of a stage, unless the run was resumed within it."""
+        """Begin a stage, unless the run was resumed within it."""
         position, layer = self.position, self.layer
-        self.recorder.begin_stage(stage.name, position.stage + 1)
         self._first = None
         if position.begun:
+            self.recorder.begin_stage(stage.name, position.stage + 1, stage.cycle, position.slip)
             return
-        if stage.velocity is not None:
-            if position.thickness is None:
-                layer.begin_shear()
-                position.thickness = layer.thickness
-            self.drive(stage.velocity * (position.thickness if stage.per_thickness else 1.0))
-        position.memory, position.snapshots, position.samples = stage.until.begin(layer), 0, 0
-        position.next_sample, position.begun = self.sim.step + stage.sample_steps, True
+        if stage.drives and position.thickness is None:
+            layer.begin_shear()
+            position.thickness = layer.thickness
+        position.since, position.slip = self.sim.time, layer.slip
+        self.recorder.begin_stage(stage.name, position.stage + 1, stage.cycle, position.slip)
+        position.before = {name: self.drives.value(name, position.thickness) for name in stage.drives}
+        position.memory, position.snapshots, position.samples, position.rows = stage.until.begin(layer), 0, 0, 0
+        position.next_sample, position.begun = self.sim.step + stage.spacing.sample_steps(0), True
+        self._drive(stage, stage.drives)
+
+    def _drive(self, stage: Stage, changing: Iterable[str]) -> None:
+        """Set what is driven to its value in the middle of the time until the next sample."""
+        position, sim = self.position, self.sim
+        middle = sim.time - position.since + 0.5 * (position.next_sample - sim.step) * sim.dt
+        for name in changing:
+            change = stage.drives[name]
+            value = change.to if change.within == 0.0 == change.amplitude else change.at(middle, position.before[name])
+            self.drives.set(name, value, position.thickness)
 
     def _to_next_row(self, stage: Stage, pending: signals.Pending) -> bool:
         """Sample until a row is complete and record it; returns whether the stage has ended with it."""
         position = self.position
-        while position.samples < stage.samples:
+        while position.samples < stage.spacing.samples:
             self._advance(pending)
             self.layer.sample()
             position.samples += 1
-            position.next_sample += stage.sample_steps
+            full = position.samples == stage.spacing.samples
+            # What changed at the sample before has to reach the end of its change.
+            last = self.sim.time - position.since - stage.spacing.sample_steps(position.rows) * self.sim.dt
+            position.next_sample += stage.spacing.sample_steps(position.rows + full)
+            self._drive(stage, [name for name, change in stage.drives.items() if change.changes_at(last)])
         row = self.recorder.row()
-        position.samples = 0
+        position.samples, position.rows = 0, position.rows + 1
         ended = stage.until.met(self.layer, row, position.memory)
         if stage.snapshot_strain and self.layer.strain >= (position.snapshots + 1) * stage.snapshot_strain:
             self.recorder.snapshot()
@@ -180,11 +207,13 @@ class RunLoop:
         self._rate = steps * len(self.sim) / seconds if steps else self._rate
 
     def _end(self, stage: Stage) -> None:
-        """Take the last snapshot of a stage, unless the state is in the file, and go to the next stage."""
+        """Go to the next stage, with a snapshot, unless that is in the file, and a checkpoint if the end is kept."""
         position = self.position
         position.ended = None
         ended = {"position": position.as_plain(), "snapshots": self.recorder.snapshots}
-        if self.recorder.grains.last_time < self.sim.time:
+        kept = stage.kept or position.stage + 1 == len(self.schedule)
+        if kept and self.recorder.grains.last_time < self.sim.time:
             self.recorder.snapshot()
         self.position = Position(stage=position.stage + 1, thickness=position.thickness, ended=ended)
-        self.keep_checkpoint()
+        if kept:
+            self.keep_checkpoint()

@@ -1,13 +1,76 @@
-"""The schedule of an experiment: stages, each with its drive, its end and the spacing of its rows."""
+"""The schedule of an experiment: stages, each with its drives, its end and the spacing of its rows."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from workflows.protocol.conditions import Condition, Memory
 
 FIRST_STAGE = "generate"  # of the row and the snapshot before the schedule begins
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """How far apart the rows of a stage are: evenly, or closer where something has changed and then ever wider.
+
+    Attributes
+    ----------
+    steps
+        Of the first row.
+    samples
+        Of a row, which lie evenly in it, >= 1.
+    growth
+        Steps of a row over those of the row before, >= 1.
+    most
+        Steps of a row at most.
+    """
+
+    steps: float
+    samples: int
+    growth: float = 1.0
+    most: float = float("inf")
+
+    def sample_steps(self, row: int) -> int:
+        """Steps from sample to sample in the row of this number, from 0 on, >= 1."""
+        steps = self.steps
+        if self.growth > 1.0:
+            wanted = math.log(max(1.0, self.most / steps)) / math.log(self.growth)  # rows until they are the widest
+            steps = self.most if row >= wanted else steps * self.growth**row
+        return max(1, round(steps / self.samples))
+
+
+@dataclass(frozen=True)
+class Change:
+    """A value that a stage drives: from where it was to another one, along a straight line in time.
+
+    Attributes
+    ----------
+    to
+        The value.
+    within
+        Time that the change takes [s]; 0: at once.
+    amplitude, period
+        Share of the value by which it oscillates, and the period of that [s]; as a sine from the end of the change on.
+    """
+
+    to: float
+    within: float = 0.0
+    amplitude: float = 0.0
+    period: float = 1.0
+
+    def at(self, elapsed: float, before: float) -> float:
+        """The value a time [s] after the stage began, before which it was `before`."""
+        if elapsed < self.within:
+            return before + (self.to - before) * elapsed / self.within
+        wave = math.sin(2.0 * math.pi * (elapsed - self.within) / self.period)
+        return self.to * (1.0 + self.amplitude * wave)
+
+    def changes_at(self, elapsed: float) -> bool:
+        """Whether the value changes at that time after the stage began."""
+        return elapsed < self.within or self.amplitude != 0.0
 
 
 @dataclass(frozen=True)
@@ -20,25 +83,25 @@ class Stage:
         In files and in the progress line.
     until
         The end of the stage.
-    sample_steps
-        Steps from sample to sample, >= 1. Rows lie evenly in time: strain and slip at a velocity are times.
-    samples
-        Samples in a row of run.nc, >= 1.
-    velocity
-        Of the load point or the platen along the shear [m s-1], or a multiple of the thickness as shear begins [s-1]
-        where `per_thickness`; None: the drive stays as it is.
-    per_thickness
-        See `velocity`.
+    spacing
+        Of rows and samples.
+    drives
+        {name of what is driven: Change}, in units of whoever sets the drives; others stay as they are. A stage with any
+        is one of shear.
+    cycle
+        Number of the repetition that it belongs to, from 1 on; 0: of none.
+    kept
+        Whether its end has a snapshot in grains.nc and a checkpoint; of many short stages not every one does.
     snapshot_strain
         Shear strain from snapshot to snapshot of grains.nc [1]; None: one at the end of the stage.
     """
 
     name: str
     until: Condition
-    sample_steps: int
-    samples: int
-    velocity: float | None = None
-    per_thickness: bool = False
+    spacing: Spacing
+    drives: Mapping[str, Change] = field(default_factory=dict)
+    cycle: int = 0
+    kept: bool = True
     snapshot_strain: float | None = None
 
 
@@ -52,12 +115,20 @@ class Position:
         Index of the stage; the length of the schedule at its end.
     begun
         Whether its drive is set and its memory begun.
+    rows
+        Of this stage.
     samples
         In the present row.
     next_sample
         Step of the next sample.
     thickness
         Of the layer as shear began [m], None before.
+    since
+        Time at which this stage began [s].
+    slip
+        Of the layer at that time [m].
+    before
+        {name: value} of what this stage changes, as it was.
     snapshots
         Taken in this stage.
     memory
@@ -69,9 +140,13 @@ class Position:
 
     stage: int = 0
     begun: bool = False
+    rows: int = 0
     samples: int = 0
     next_sample: int = 0
     thickness: float | None = None
+    since: float = 0.0
+    slip: float = 0.0
+    before: dict[str, float] = field(default_factory=dict)
     snapshots: int = 0
     memory: Memory = field(default_factory=dict)
     ended: dict[str, Any] | None = None

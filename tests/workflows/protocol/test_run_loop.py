@@ -1,6 +1,8 @@
 """The run loop with stand-ins for grains and files: stages, samples, and a run that stops anywhere and goes on."""
 
+import itertools
 import json
+import math
 import signal
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +16,7 @@ from workflows.protocol import run_loop
 from workflows.protocol.conditions import Reached, Settled
 from workflows.protocol.resume import STATE, Start, _check_same_run, start_of
 from workflows.protocol.run_loop import RunLoop
-from workflows.protocol.schedule import Position, Stage
+from workflows.protocol.schedule import Change, Position, Spacing, Stage
 
 
 class World:
@@ -28,6 +30,7 @@ class World:
         self.rows, self.snapshots, self.lines, self.pictures = 0, 0, [], []
         self.id = "run"
         self.samples, self.saved, self.last_time = [], resumed, -1.0
+        self.set_at = []
 
     def __len__(self):
         return 10
@@ -45,8 +48,12 @@ class World:
             if self.step == self.stop_at:
                 signal.raise_signal(signal.SIGTERM)
 
-    def drive(self, velocity):
-        self.velocity = velocity
+    def value(self, name, thickness):
+        return self.velocity if name == "velocity" else self.velocity / (thickness or 1.0)
+
+    def set(self, name, value, thickness):
+        self.velocity = value if name == "velocity" else value * (thickness or 1.0)
+        self.set_at.append((self.step, self.velocity))
 
     def begin_shear(self):
         self.strain = self.slip = 0.0
@@ -54,7 +61,7 @@ class World:
     def sample(self):
         self.samples.append(self.state)
 
-    def begin_stage(self, name, index):
+    def begin_stage(self, name, index, cycle=0, slip=0.0):
         self.stage = name, index
 
     def row(self):
@@ -87,10 +94,10 @@ class World:
 def schedule(strain=3.0):
     """Consolidation, shear, and a hold."""
     return [
-        Stage("press", Settled(1.0, within=1000.0), sample_steps=7, samples=2),
-        Stage("shear", Reached(strain=2.0), 5, 3, velocity=0.01, per_thickness=True, snapshot_strain=0.5),
-        Stage("hold", Reached(time=40.0), 3, 1, velocity=0.0),
-        Stage("again", Reached(strain=strain, slip=100.0), 5, 3, velocity=0.02),
+        Stage("press", Settled(1.0, within=1000.0), Spacing(14, 2)),
+        Stage("shear", Reached(strain=2.0), Spacing(15, 3), {"shear_rate": Change(0.01)}, snapshot_strain=0.5),
+        Stage("hold", Reached(time=40.0), Spacing(3, 1), {"velocity": Change(0.0)}),
+        Stage("again", Reached(strain=strain, slip=100.0), Spacing(15, 3), {"velocity": Change(0.02)}),
     ]
 
 
@@ -104,7 +111,7 @@ def go(monkeypatch, tmp_path):
 
     def run(world, stages, start=None):
         start = start or Start()
-        loop = RunLoop(world, world, stages, world.drive, lambda stage, row: None, Stopwatch(), start, {"seed": 1})
+        loop = RunLoop(world, world, stages, world, lambda stage, row: None, Stopwatch(), start, {"seed": 1})
         try:
             loop.run()
         except signals.Interrupted:
@@ -177,12 +184,12 @@ def test_the_speed_of_a_run_leaves_out_the_row_in_which_it_compiles(go, monkeypa
     """Ten grains; a step takes a quarter of a second, the first one a hundred seconds more."""
     world = World()
     monkeypatch.setattr(run_loop.time, "perf_counter", lambda: 100.0 * (world.step > 0) + 0.25 * world.step)
-    loop = go.run(world, [Stage("shear", Reached(strain=strain), 4, 2, velocity=0.01)])
+    loop = go.run(world, [Stage("shear", Reached(strain=strain), Spacing(8, 2), {"velocity": Change(0.01)})])
     assert loop.grain_steps_per_second == pytest.approx(speed, nan_ok=True)
 
 
 def test_a_layer_that_does_not_settle_ends_the_run(go):
-    stages = [Stage("press", Settled(5.0, within=100.0), sample_steps=7, samples=2)]
+    stages = [Stage("press", Settled(5.0, within=100.0), Spacing(14, 2))]
     with pytest.raises(
         lsm.SimulationError, match=r"step 112: the layer did not settle within 100 s: normal stress 1 Pa"
     ):
@@ -251,3 +258,33 @@ def test_checkpoints_of_something_else_are_refused(tmp_path, state, message):
     whole = dict.fromkeys(STATE) | state if state else {}
     with pytest.raises(lsm.InputError, match=message):
         _check_same_run(whole, Path("checkpoint.nc"), tmp_path, {"seed": 1})
+
+
+def test_rows_lie_closer_after_a_change_and_then_ever_wider(go):
+    world = World()
+    widening = Spacing(4, 2, growth=1.5, most=20.0)
+    go.run(world, [Stage("step", Reached(time=150.0), widening, {"velocity": Change(0.01)})])
+    apart = [b[0] - a[0] for a, b in itertools.pairwise(world.lines)]
+    assert apart[0] == 4 and apart == sorted(apart) and apart[-1] == 20
+    assert [widening.sample_steps(row) for row in (0, 1, 4, 500)] == [2, 3, 10, 10]
+
+
+@pytest.mark.parametrize("stop_at", [None, 31, 47, 66])
+def test_a_value_is_ramped_and_then_oscillates_wherever_the_run_is_stopped(go, stop_at):
+    stages = [
+        Stage("run-in", Reached(time=30.0), Spacing(10, 1), {"velocity": Change(0.1)}),
+        Stage("ramp", Reached(time=40.0), Spacing(4, 2), {"velocity": Change(0.3, within=20.0)}),
+        Stage("shaken", Reached(time=24.0), Spacing(2, 1), {"velocity": Change(0.2, amplitude=0.5, period=8.0)}),
+    ]
+    whole = World()
+    go.run(whole, stages)
+    if stop_at is None:
+        values = dict(whole.set_at)
+        # In the middle of the two steps that follow; the end is reached and kept.
+        assert values[30] == pytest.approx(0.11) and values[40] == pytest.approx(0.21)
+        assert values[50] == 0.3 and max(step for step, _ in whole.set_at if step < 70) == 50
+        assert values[70] == pytest.approx(0.2 * (1.0 + 0.5 * math.sin(2.0 * math.pi / 8.0)))
+        return
+    stopped = World(stop_at=stop_at)
+    assert go.run(stopped, stages) is None
+    assert go.resume(stopped.saved, stages).lines == whole.lines

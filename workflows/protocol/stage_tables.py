@@ -1,0 +1,186 @@
+"""Stages as a TOML file gives them, in units of a layer: `[[stages]]`, checked and with their repetitions written out.
+
+Velocities are over the velocity of the inertial number, stresses over the normal stress P, slips in mean diameters d,
+times in inertial times t_i = d sqrt(rho/P).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+MOST_STAGES = 20_000  # with all repetitions
+RESERVED = ("generate", "consolidate")  # stages before the schedule
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+
+
+class Table(BaseModel):
+    """A table of a stage."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Lengths(Table):
+    """A shear strain [1], a slip [d] or a time [t_i]."""
+
+    strain: Positive | None = None
+    slip: Positive | None = None
+    time: Positive | None = None
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Those that are given."""
+        return {name: value for name in ("strain", "slip", "time") if (value := getattr(self, name)) is not None}
+
+
+class Until(Lengths):
+    """The end of a stage: the first of those that are given, counted from its begin."""
+
+    @model_validator(mode="after")
+    def _some(self) -> Self:
+        if not self.given:
+            raise ValueError("must have strain, slip or time, such as until = {strain = 1.0}")
+        return self
+
+
+class Interval(Lengths):
+    """A distance of rows."""
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if len(self.given) != 1:
+            raise ValueError("must have one of strain, slip and time, such as {strain = 0.01}")
+        return self
+
+
+class Sample(Interval):
+    """Distance of the rows of a stage, each `growth` times as far from the last as that was, up to `most`."""
+
+    growth: float = Field(default=1.0, ge=1, le=2)
+    most: Interval | None = None
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        if (self.growth > 1.0) != (self.most is not None):
+            raise ValueError("growth and most go together, such as {time = 0.5, growth = 1.05, most = {strain = 0.01}}")
+        return self
+
+
+class Oscillation(Table):
+    """A sine about the value of the stage."""
+
+    of: Literal["velocity", "normal_stress"]
+    amplitude: float = Field(gt=0, lt=1)  # over the value
+    period: Positive  # [t_i]
+
+
+class StageTable(Table):
+    """One stage of a schedule."""
+
+    name: str = Field(min_length=1, max_length=40, pattern=r"^[A-Za-z][\w-]*$")
+    until: Until
+    velocity: float | None = Field(default=None, ge=-1e3, le=1e3)
+    normal_stress: float | None = Field(default=None, ge=1e-3, le=1e3)
+    ramp: float = Field(default=0.0, ge=0, le=1e9)
+    oscillate: Oscillation | None = None
+    sample: Sample | None = None
+    repeat: int = Field(default=1, ge=1, le=MOST_STAGES)
+    repeat_from: str | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.name in RESERVED:
+            raise ValueError(f"name {self.name}: is that of a stage before the schedule, choose another")
+        if self.oscillate and getattr(self, self.oscillate.of) is None:
+            raise ValueError(f"oscillate.of {self.oscillate.of}: the stage must give {self.oscillate.of} as well")
+        if self.ramp > 0.0 and self.velocity is None and self.normal_stress is None:
+            raise ValueError(f"ramp {self.ramp:g}: nothing changes in this stage; give velocity or normal_stress")
+        if self.repeat_from is not None and self.repeat == 1:
+            raise ValueError(f"repeat_from {self.repeat_from}: has no effect without repeat")
+        return self
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A stage of a schedule with all repetitions written out.
+
+    Attributes
+    ----------
+    table
+        As it was given.
+    cycle
+        Number of its repetition, from 1 on; 0 of a stage that is not repeated.
+    velocity
+        That holds in this stage, over that of the inertial number.
+    """
+
+    table: StageTable
+    cycle: int
+    velocity: float
+
+
+def planned(tables: Sequence[StageTable]) -> list[Planned]:
+    """All stages in the order in which they are gone through; those of `problems_of_stages` must be none."""
+    found: list[Planned] = []
+    for block, repeat in _blocks(tables):
+        for cycle in range(1, repeat + 1):
+            for table in block:
+                before = found[-1].velocity if found else 0.0
+                velocity = before if table.velocity is None else table.velocity
+                found.append(Planned(table, cycle if repeat > 1 else 0, velocity))
+    return found
+
+
+def problems_of_stages(tables: Sequence[StageTable]) -> Iterator[str]:
+    """What is wrong between stages, one text for each mistake."""
+    names, free = [table.name for table in tables], 0
+    for i, table in enumerate(tables):
+        if table.repeat == 1:
+            continue
+        begin = i if table.repeat_from is None else _last(names[: i + 1], table.repeat_from)
+        if begin is None:
+            yield f"stages[{i}].repeat_from {table.repeat_from}: must be the name of this stage or of one before it"
+        elif begin < free:
+            yield f"stages[{i}].repeat_from {names[begin]}: is repeated already, must come after {names[free - 1]}"
+        free = i + 1
+    if tables and tables[0].velocity is None:
+        yield f"stages[0].velocity: the first stage, {names[0]}, must give it, such as velocity = 1.0"
+    count = sum(repeat * len(block) for block, repeat in _blocks(tables))
+    if count > MOST_STAGES:
+        yield f"stages: {count} with their repetitions, must be at most {MOST_STAGES}; lower repeat"
+        return
+    resting = {id(stage.table) for stage in planned(tables) if stage.velocity == 0.0}
+    for i, table in enumerate(tables):
+        if id(table) in resting:
+            yield from _problems_at_rest(f"stages[{i}]", table)
+
+
+def _problems_at_rest(where: str, table: StageTable) -> Iterator[str]:
+    """What cannot be of a stage in which the platen stands still: no strain and no slip come."""
+    if table.until.time is None:
+        yield f"{where}.until: {table.name} stands still, must have a time, such as until = {{time = 100.0}}"
+    for name, given in (("sample", table.sample), ("sample.most", table.sample and table.sample.most)):
+        if given is not None and given.time is None:
+            yield f"{where}.{name}: {table.name} stands still, must be a time, such as {{time = 1.0}}"
+    if table.sample is None:
+        yield f"{where}.sample: {table.name} stands still, must be given as a time, such as {{time = 1.0}}"
+
+
+def _blocks(tables: Sequence[StageTable]) -> Iterator[tuple[Sequence[StageTable], int]]:
+    """(stages, number of times that they are gone through together), in their order."""
+    names, free = [table.name for table in tables], 0
+    for i, table in enumerate(tables):
+        if table.repeat > 1:
+            begin = i if table.repeat_from is None else max(free, _last(names[: i + 1], table.repeat_from) or free)
+            yield tables[free:begin], 1
+            yield tables[begin : i + 1], table.repeat
+            free = i + 1
+    yield tables[free:], 1
+
+
+def _last(names: Sequence[str], name: str) -> int | None:
+    """Place of the last of equal names; None if it is not among them."""
+    return len(names) - 1 - names[::-1].index(name) if name in names else None
