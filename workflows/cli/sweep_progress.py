@@ -104,7 +104,7 @@ class SweepProgress:
             if status == COMPLETED and outcome.seconds > 0.0:
                 self.took.append(outcome.seconds)
             ended = sum(now not in (WAITING, RUNNING) for now in self.status.values())
-            varied = ", ".join(f"{name} {value}" for name, value in run.point.items())
+            varied = ", ".join(f"{name} {_short(value)}" for name, value in run.point.items())
             why = f": {outcome.note.splitlines()[0]}" if outcome.note else ""
             took = f"{outcome.seconds:.0f} s"
             self.tell(f"{ended}/{len(self.status)} run {run.label} ({varied}) {status}, {took}{why}")
@@ -206,3 +206,8 @@ class SweepProgress:
 
 def _value(value: Any) -> str:
     return shown(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+
+
+def _short(value: Any) -> str:
+    """A value of a parameter with the digits that tell runs apart."""
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
