@@ -43,6 +43,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a 
     from .viscous_damping import ViscousDamping as ViscousDamping
 
 FORMER_KEY = "law"  # of a table, in place of "name"
+MOST_PROBLEMS = 6  # that are told
 OTHER_KEYS = ("type", "effect", "kind")  # likewise, by mistake
 MOST_EFFECTS = 100  # of a scene: each is compiled
 _BASE = ("Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "finite", "require")
@@ -120,7 +121,8 @@ def make_effects(tables: Iterable[Mapping[str, Any]]) -> list[Effect]:
             wrong.append(str(error))
         problems += wrong
     if problems:
-        raise InputError("; ".join(problems))
+        more = [f"and {len(problems) - MOST_PROBLEMS} mistakes more"] if len(problems) > MOST_PROBLEMS else []
+        raise InputError("; ".join([*problems[:MOST_PROBLEMS], *more]))
     return made
 
 

@@ -53,6 +53,12 @@ def test_all_mistakes_are_told_together():
     assert [text.split(":")[0] for text in told] == ["effect 'gravitty'", "cohesion.pull", "cohesion", "gravity"]
 
 
+def test_of_very_many_mistakes_the_first_are_told():
+    with pytest.raises(lsm.InputError, match=r"; and 94 mistakes more$") as caught:
+        lsm.effects.make_effects([{"name": "gravity", "acceleration": [0, 1], **{f"key_{i}": i for i in range(100)}}])
+    assert len(str(caught.value)) < 1000
+
+
 def test_a_parameter_below_the_effects_is_told_where_it_belongs():
     params = shear_gouge.Params(effects=[{"name": "hertz", "youngs_modulus": 7e10, "strain": 3, "restitution": 0.5}])
     with pytest.raises(lsm.InputError, match=r"; restitution and strain, of the experiment, must stand above"):
