@@ -16,7 +16,7 @@ __all__ = ["Estimate", "combine_replicas", "difference", "steady_ratio", "steady
 # Fewer rows do not show their own correlation at all: they are refused.
 LEAST_SAMPLES = 10
 # With fewer independent samples, or fewer crossings of its own mean, a series looks less correlated than it is, and its
-# intervals miss the mean far too often (tests/measure/test_coverage.py): its error is called unknown.
+# intervals miss the mean far too often (tests/statistics/test_coverage.py): its error is called unknown.
 LEAST_EFFECTIVE, LEAST_CROSSINGS = 20, 10
 # The correlation itself is known from the samples, to about n_eff / 5 degrees of freedom: the variance of a correlation
 # time that is summed over five times itself, var(tau)/tau^2 = 10/n_eff, is 2 over them (Sokal 1997).
