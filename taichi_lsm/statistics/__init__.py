@@ -1,5 +1,29 @@
-"""Statistics of runs: means with honest errors. Plain functions on xarray objects, without a kernel."""
+"""Statistics of runs: means with honest errors, and what laboratory protocols ask of their data.
 
+Plain functions on NumPy arrays and xarray objects, without a kernel; docs/statistics.md has their equations.
+"""
+
+from .rate_and_state import friction_after_step, log_state_after_step, spring_slider
+from .resampling import Resampled
 from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
+from .steady_steps import Dilatancy, dilatancy_coefficient, steady_rate_dependence
+from .velocity_step_fit import LawComparison, StepFit, compare_laws, fit_velocity_step
 
-__all__ = ["Estimate", "combine_replicas", "difference", "steady_ratio", "steady_state"]
+__all__ = [
+    "Dilatancy",
+    "Estimate",
+    "LawComparison",
+    "Resampled",
+    "StepFit",
+    "combine_replicas",
+    "compare_laws",
+    "difference",
+    "dilatancy_coefficient",
+    "fit_velocity_step",
+    "friction_after_step",
+    "log_state_after_step",
+    "spring_slider",
+    "steady_rate_dependence",
+    "steady_ratio",
+    "steady_state",
+]
