@@ -3,6 +3,8 @@
 Plain functions on NumPy arrays and xarray objects, without a kernel; docs/statistics.md has their equations.
 """
 
+from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
+from .events import detect_events
 from .rate_and_state import friction_after_step, log_state_after_step, spring_slider
 from .resampling import Resampled
 from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
@@ -10,18 +12,24 @@ from .steady_steps import Dilatancy, dilatancy_coefficient, steady_rate_dependen
 from .velocity_step_fit import LawComparison, StepFit, compare_laws, fit_velocity_step
 
 __all__ = [
+    "BValue",
+    "Catalogue",
     "Dilatancy",
     "Estimate",
     "LawComparison",
     "Resampled",
     "StepFit",
+    "b_value",
+    "catalogue_statistics",
     "combine_replicas",
     "compare_laws",
+    "detect_events",
     "difference",
     "dilatancy_coefficient",
     "fit_velocity_step",
     "friction_after_step",
     "log_state_after_step",
+    "magnitude_of_completeness",
     "spring_slider",
     "steady_rate_dependence",
     "steady_ratio",
