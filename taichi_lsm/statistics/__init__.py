@@ -5,6 +5,7 @@ Plain functions on NumPy arrays and xarray objects, without a kernel; docs/stati
 
 from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
 from .events import detect_events
+from .healing import Healing, healing_rate
 from .rate_and_state import friction_after_step, log_state_after_step, spring_slider
 from .resampling import Resampled
 from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
@@ -16,6 +17,7 @@ __all__ = [
     "Catalogue",
     "Dilatancy",
     "Estimate",
+    "Healing",
     "LawComparison",
     "Resampled",
     "StepFit",
@@ -28,6 +30,7 @@ __all__ = [
     "dilatancy_coefficient",
     "fit_velocity_step",
     "friction_after_step",
+    "healing_rate",
     "log_state_after_step",
     "magnitude_of_completeness",
     "spring_slider",
