@@ -6,6 +6,7 @@ Plain functions on NumPy arrays and xarray objects, without a kernel; docs/stati
 from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
 from .events import detect_events
 from .healing import Healing, healing_rate
+from .profiles import BoundarySlip, ShearBand, boundary_slip, shear_band
 from .rate_and_state import friction_after_step, log_state_after_step, spring_slider
 from .resampling import Resampled
 from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
@@ -14,14 +15,17 @@ from .velocity_step_fit import LawComparison, StepFit, compare_laws, fit_velocit
 
 __all__ = [
     "BValue",
+    "BoundarySlip",
     "Catalogue",
     "Dilatancy",
     "Estimate",
     "Healing",
     "LawComparison",
     "Resampled",
+    "ShearBand",
     "StepFit",
     "b_value",
+    "boundary_slip",
     "catalogue_statistics",
     "combine_replicas",
     "compare_laws",
@@ -33,6 +37,7 @@ __all__ = [
     "healing_rate",
     "log_state_after_step",
     "magnitude_of_completeness",
+    "shear_band",
     "spring_slider",
     "steady_rate_dependence",
     "steady_ratio",
