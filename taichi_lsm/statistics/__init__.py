@@ -4,6 +4,7 @@ Plain functions on NumPy arrays and xarray objects, without a kernel; docs/stati
 """
 
 from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
+from .contact_fabric import Fabric, fabric
 from .events import detect_events
 from .healing import Healing, healing_rate
 from .profiles import BoundarySlip, ShearBand, boundary_slip, shear_band
@@ -12,6 +13,7 @@ from .resampling import Resampled
 from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
 from .steady_steps import Dilatancy, dilatancy_coefficient, steady_rate_dependence
 from .velocity_step_fit import LawComparison, StepFit, compare_laws, fit_velocity_step
+from .work_shares import work_partition
 
 __all__ = [
     "BValue",
@@ -19,6 +21,7 @@ __all__ = [
     "Catalogue",
     "Dilatancy",
     "Estimate",
+    "Fabric",
     "Healing",
     "LawComparison",
     "Resampled",
@@ -32,6 +35,7 @@ __all__ = [
     "detect_events",
     "difference",
     "dilatancy_coefficient",
+    "fabric",
     "fit_velocity_step",
     "friction_after_step",
     "healing_rate",
@@ -42,4 +46,5 @@ __all__ = [
     "steady_rate_dependence",
     "steady_ratio",
     "steady_state",
+    "work_partition",
 ]
