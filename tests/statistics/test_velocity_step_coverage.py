@@ -60,11 +60,11 @@ def test_few_stacks_are_covered(law):
 
 
 @pytest.mark.validate
-@pytest.mark.parametrize(("relative_noise", "least"), [(0.05, 0.95), (0.1, 0.75)])
+@pytest.mark.parametrize(("relative_noise", "least", "count"), [(0.05, 0.95, 1000), (0.1, 0.75, 3000)])
 @pytest.mark.parametrize("law", ["ageing", "slip"])
-def test_stacks_are_covered_in_95_per_cent(law, relative_noise, least):
+def test_stacks_are_covered_in_95_per_cent(law, relative_noise, least, count):
     """b ln 3 over the noise of one sample is 2.2 and 1.1."""
-    found, preferred = study(law, relative_noise, 1000)
+    found, preferred = study(law, relative_noise, count)
     print(f"\n{law}, noise {relative_noise:.0%}: (covered, known) {found}, right law preferred {preferred:.3f}")
     assert all(abs(share - 0.95) < 0.03 and known > 0.9 for share, known in found.values()), found
     assert preferred > least
