@@ -92,22 +92,8 @@ def fabric(contacts: "Dataset") -> Fabric:
         If a variable is missing, the space is not of 2 or 3 dimensions, there are fewer contacts than 4, values are not
         finite, or the contacts carry no compression.
     """
-    missing = [name for name in COLUMNS if name not in contacts]
-    if missing:
-        raise InputError(f"contacts: has no {', '.join(missing)}, must be what sim.contacts() gives")
-    n, normal_force, tangential, branch = (np.asarray(contacts[name], float) for name in COLUMNS)
-    count, dim = n.shape if n.ndim == 2 else (0, 0)
-    if (
-        dim not in SHARE
-        or count < 4
-        or normal_force.shape != (count,)
-        or not tangential.shape == branch.shape == n.shape
-    ):
-        raise InputError(
-            f"contacts: normal of shape {n.shape}, must be (contact, 2) or (contact, 3) of at least 4 rows"
-        )
-    if not all(np.isfinite(values).all() for values in (n, normal_force, tangential, branch)):
-        raise InputError("contacts: values are not finite, leave out such rows")
+    n, normal_force, tangential, branch = _checked(contacts)
+    count, dim = n.shape
     stress = _mean(normal_force[:, None] * n + tangential, branch)
     if not np.trace(stress) > 0.0 or not normal_force.mean() > 0.0:
         raise InputError(f"contacts: mean stress of sign {np.sign(np.trace(stress)):g}, must be a compression")
@@ -140,6 +126,27 @@ def fabric(contacts: "Dataset") -> Fabric:
         _greatest(stress),
         count,
     )
+
+
+def _checked(contacts: "Dataset") -> tuple[Array, Array, Array, Array]:
+    """The columns of the contacts, or an InputError that names what is wrong with them; see `fabric`."""
+    missing = [name for name in COLUMNS if name not in contacts]
+    if missing:
+        raise InputError(f"contacts: has no {', '.join(missing)}, must be what sim.contacts() gives")
+    n, normal_force, tangential, branch = (np.asarray(contacts[name], float) for name in COLUMNS)
+    count, dim = n.shape if n.ndim == 2 else (0, 0)
+    if (
+        dim not in SHARE
+        or count < 4
+        or normal_force.shape != (count,)
+        or not tangential.shape == branch.shape == n.shape
+    ):
+        raise InputError(
+            f"contacts: normal of shape {n.shape}, must be (contact, 2) or (contact, 3) of at least 4 rows"
+        )
+    if not all(np.isfinite(values).all() for values in (n, normal_force, tangential, branch)):
+        raise InputError("contacts: values are not finite, leave out such rows")
+    return n, normal_force, tangential, branch
 
 
 def _mean(first: Array, second: Array) -> Array:

@@ -81,36 +81,43 @@ def detect_events(
     InputError
         For fewer than 50 rows, lengths that differ, times that do not rise, or thresholds out of order.
     """
-    import xarray
-
-    t = series("time", time, LEAST_ROWS)
-    tau, v = (
-        series(name, values, LEAST_ROWS, t.size)
-        for name, values in (("stress", stress), ("platen_velocity", platen_velocity))
-    )
-    rising("time", t)
+    t, tau, v = _checked(time, stress, platen_velocity)
     require_positive(load_velocity=load_velocity, onset=onset, least_drop=least_drop)
     if not 0.0 <= end < onset:
         raise InputError(f"end: {end:g}, must be >= 0 and below onset, {onset:g}")
-
     median = float(np.median(v))
     deviation = NORMAL_MAD * float(np.median(np.abs(v - median)))
     high = max(median + onset * deviation, load_velocity)
     low = max(median + end * deviation, load_velocity)
     spans = _merged(_spans(v > low, v > high), gap)
-    noise = _noise_between(tau, spans)
-    noise_of_lines = _noise_of_lines(t, tau, spans)
+    noise, noise_of_lines = _noise_between(tau, spans), _noise_of_lines(t, tau, spans)
     found = [_event(t, tau, v, spans, i, noise_of_lines) for i in range(len(spans))]
-    kept = [event for event in found if event["stress_drop"] > least_drop * noise]
-    starts = [event["start"] for event in kept]
-    for event, before in zip(kept, [math.nan, *starts], strict=False):
+    used = {"onset_velocity": high, "end_velocity": low, "velocity_noise": deviation, "stress_noise": noise}
+    return _table([event for event in found if event["stress_drop"] > least_drop * noise], used)
+
+
+def _checked(time: npt.ArrayLike, stress: npt.ArrayLike, platen_velocity: npt.ArrayLike) -> tuple[Array, Array, Array]:
+    """The three series (n,), or an InputError that names what is wrong with one."""
+    t = series("time", time, LEAST_ROWS)
+    rising("time", t)
+    return (
+        t,
+        series("stress", stress, LEAST_ROWS, t.size),
+        series("platen_velocity", platen_velocity, LEAST_ROWS, t.size),
+    )
+
+
+def _table(events: list[dict[str, float]], attributes: dict[str, float]) -> "Dataset":
+    """Events as rows of a Dataset, each with the time since the one before."""
+    import xarray
+
+    for event, before in zip(events, [math.nan, *(event["start"] for event in events)], strict=False):
         event["recurrence"] = event["start"] - before
     data = {
-        name: ("event", np.array([event[name] for event in kept], float), {"units": units, "long_name": long_name})
+        name: ("event", np.array([event[name] for event in events], float), {"units": units, "long_name": long_name})
         for name, (units, long_name) in MEANING.items()
     }
-    used = {"onset_velocity": high, "end_velocity": low, "velocity_noise": deviation, "stress_noise": noise}
-    return xarray.Dataset(data, attrs={"title": "Slip events"} | used)
+    return xarray.Dataset(data, attrs={"title": "Slip events"} | attributes)
 
 
 def _spans(loose: npt.NDArray[np.bool_], certain: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -75,15 +75,7 @@ def healing_rate(
     ----------
     Dieterich (1972), doi:10.1029/JB077i020p03690; Marone (1998), doi:10.1146/annurev.earth.26.1.643.
     """
-    y = series("peak_minus_steady", peak_minus_steady, LEAST_HOLDS)
-    time = series("hold_time", hold_time, LEAST_HOLDS, y.size)
-    if not np.all(time > 0):
-        raise InputError(f"hold_time: {time.min():g}, must be > 0 s")
-    if np.ptp(time) == 0:
-        raise InputError(f"hold_time: all {time[0]:g} s, at least two must differ")
-    sigma = np.ones_like(y) if errors is None else series("errors", errors, LEAST_HOLDS, y.size)
-    if not np.all(sigma > 0):
-        raise InputError(f"errors: {sigma.min():g}, must be > 0; leave errors out where they are not known")
+    time, y, sigma = _checked(hold_time, peak_minus_steady, errors)
     # Normal equations about the weighted mean of ln t, where slope and level are independent.
     weight, log_time = sigma**-2.0, np.log(time)
     centre = float(np.average(log_time, weights=weight))
@@ -109,3 +101,19 @@ def healing_rate(
         chi_square if errors is not None else math.nan,
         freedom,
     )
+
+
+def _checked(
+    hold_time: npt.ArrayLike, peak_minus_steady: npt.ArrayLike, errors: npt.ArrayLike | None
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Times, differences of friction and their errors, 1 where none are given; see `healing_rate`."""
+    y = series("peak_minus_steady", peak_minus_steady, LEAST_HOLDS)
+    time = series("hold_time", hold_time, LEAST_HOLDS, y.size)
+    if not np.all(time > 0):
+        raise InputError(f"hold_time: {time.min():g}, must be > 0 s")
+    if np.ptp(time) == 0:
+        raise InputError(f"hold_time: all {time[0]:g} s, at least two must differ")
+    sigma = np.ones_like(y) if errors is None else series("errors", errors, LEAST_HOLDS, y.size)
+    if not np.all(sigma > 0):
+        raise InputError(f"errors: {sigma.min():g}, must be > 0; leave errors out where they are not known")
+    return time, y, sigma

@@ -119,22 +119,26 @@ def shear_band(
         found, covariance = curve_fit(shape, y, v, start, sigma, sigma is not None, maxfev=4000)
     except RuntimeError as error:
         raise InputError(f"velocity: the fit of {form} does not end ({error}); fit the other form") from None
-    residuals = v - shape(y, *found)
-    freedom = v.size - len(found)
+    freedom, deviations, scale = v.size - len(found), np.sqrt(np.diag(covariance)), TENTHS[form]
     student = math.inf if sigma is not None else float(freedom)
-    deviations = np.sqrt(np.diag(covariance))
-    scale = TENTHS[form]
     width = Estimate(scale * abs(float(found[-1])), scale * float(deviations[-1]), v.size, student)
     if not width.mean < WIDEST * span:
         width = Estimate(width.mean, math.nan, v.size, student, "the profile is nearly straight: shear fills the layer")
-    if form == "error-function":
-        centre = Estimate(float(found[2]), float(deviations[2]), v.size, student)
-        change = Estimate(float(found[1]), float(deviations[1]), v.size, student)
-    else:
-        centre = Estimate(float(y[0] if found[-1] > 0 else y[-1]), 0.0, v.size, student)
-        change = Estimate(float(math.copysign(1.0, found[-1]) * found[1]), float(deviations[1]), v.size, student)
-    chi_square = math.nan if sigma is None else float(np.sum((residuals / sigma) ** 2))
+    change, centre = _change_and_centre(form, y, found, deviations, student)
+    chi_square = math.nan if sigma is None else float(np.sum(((v - shape(y, *found)) / sigma) ** 2))
     return ShearBand(width, centre, change, chi_square, freedom, form)
+
+
+def _change_and_centre(
+    form: Form, y: Array, found: Array, deviations: Array, student: float
+) -> tuple[Estimate, Estimate]:
+    """Change of velocity [m s-1] and height [m] of a band by the parameters of its fit."""
+    if form == "error-function":
+        change, centre = (Estimate(float(found[i]), float(deviations[i]), y.size, student) for i in (1, 2))
+        return change, centre
+    at_bottom = found[-1] > 0
+    change = Estimate(float(found[1] if at_bottom else -found[1]), float(deviations[1]), y.size, student)
+    return change, Estimate(float(y[0] if at_bottom else y[-1]), 0.0, y.size, student)
 
 
 def _starts(y: Array, v: Array, span: float) -> dict:
