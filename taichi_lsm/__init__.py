@@ -9,7 +9,8 @@ lsm.shapes
 lsm.effects
     What acts on the grains: contact forces, friction, body forces, damping, bonds.
 lsm.statistics
-    Means with standard errors of the time series of a run.
+    Means with standard errors of the time series of a run, and what laboratory protocols ask of them: rate and state,
+    events, healing, profiles, fabric, work.
 lsm
     Scene and Simulation; integrators; platens, their drives and plane walls; start packings; energies and other
     measures; files; errors.
@@ -26,6 +27,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from . import effects as effects
     from . import shapes as shapes
+    from . import statistics as statistics
     from .bonds.fragments import fragments as fragments
     from .boundaries.platen_drives import ConstantVelocity as ConstantVelocity
     from .boundaries.platen_drives import Fixed as Fixed
@@ -62,7 +64,6 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.open_sweep import open_sweep as open_sweep
     from .io.run_file import write_energies as write_energies
     from .io.run_file import write_table as write_table
-    from .measure import statistics as statistics
     from .measure.contact_stiffness import contact_stiffness as contact_stiffness
     from .measure.energy_budget import Energies as Energies
     from .measure.energy_budget import energies as energies
@@ -70,7 +71,6 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .measure.profiling import runtime_profile_text as runtime_profile_text
     from .measure.shadow_energy import ShadowEnergy as ShadowEnergy
     from .measure.sheared_layer import ShearedLayer as ShearedLayer
-    from .measure.statistics import steady_state as steady_state
     from .packing import grain_diameters as grain_diameters
     from .packing import loose_packing as loose_packing
     from .packing import random_rotations as random_rotations
@@ -79,6 +79,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .shapes import disc as disc
     from .shapes import sphere as sphere
     from .simulation import Simulation as Simulation
+    from .statistics import steady_state as steady_state
     from .stepping.euler import ExplicitEuler as ExplicitEuler
     from .stepping.euler import SymplecticEuler as SymplecticEuler
     from .stepping.forest_ruth import ForestRuth as ForestRuth
@@ -92,7 +93,7 @@ __version__ = "0.1.0"
 _NAMESPACES = {
     "effects": "effects",
     "shapes": "shapes",
-    "statistics": "measure.statistics",
+    "statistics": "statistics",
     "checkpoints": "io.checkpoints",
 }
 _HOME = {
@@ -156,7 +157,7 @@ _SHORTCUTS = {
     "ViscousDamping": "effects.viscous_damping",
     "disc": "shapes",
     "sphere": "shapes",
-    "steady_state": "measure.statistics",
+    "steady_state": "statistics",
 }
 
 __all__ = sorted(["__version__", *_NAMESPACES, *_HOME, *_SHORTCUTS])

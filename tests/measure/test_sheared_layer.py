@@ -155,6 +155,16 @@ def test_shear_closes_its_energy_budget(consolidated):
     assert {v.name for v in layer_rows()} == set(row) - {"time"}
 
 
+def test_anisotropies_of_the_sheared_layer_give_its_stress_ratio_back(consolidated):
+    """Angular grains, whose branch vectors lean off the normals: Rothenburg & Bathurst (1989) within 5 %."""
+    sim, _, _ = consolidated
+    found = lsm.statistics.fabric(sim.contacts())
+    assert found.contacts > 300 and found.stress_ratio > 0.15
+    assert found.sum_of_anisotropies == pytest.approx(found.stress_ratio, rel=0.05)
+    assert found.contact > 0.05 and found.normal_force > 0.05 and found.tangential_force > 0.02
+    assert 0.5 < found.stress_direction[0] / -found.stress_direction[1] < 2.0  # against the shear, at about 45 degrees
+
+
 def height(layer):
     """Thickness of the layer now [m]."""
     apart = layer.platens.snapshot()["displacement"][:, 1] + layer.plane

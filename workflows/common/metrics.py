@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from taichi_lsm.measure.statistics import Estimate
+    from taichi_lsm.statistics import Estimate
 
 FILE = "summary.json"
 WIDE = 110  # characters of a terminal in which notes have a column of their own

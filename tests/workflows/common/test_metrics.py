@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import workflows
-from taichi_lsm.measure.statistics import Estimate
+from taichi_lsm.statistics import Estimate
 from workflows.common import stopwatch
 from workflows.common.metrics import Metric, failed_claims, metrics_of_estimate, read_summary, shown, write_summary
 

@@ -16,7 +16,7 @@ __all__ = ["Estimate", "combine_replicas", "difference", "steady_ratio", "steady
 # Fewer rows do not show their own correlation at all: they are refused.
 LEAST_SAMPLES = 10
 # With fewer independent samples, or fewer crossings of its own mean, a series looks less correlated than it is, and its
-# intervals miss the mean far too often (tests/measure/test_coverage.py): its error is called unknown.
+# intervals miss the mean far too often (tests/statistics/test_coverage.py): its error is called unknown.
 LEAST_EFFECTIVE, LEAST_CROSSINGS = 20, 10
 # The correlation itself is known from the samples, to about n_eff / 5 degrees of freedom: the variance of a correlation
 # time that is summed over five times itself, var(tau)/tau^2 = 10/n_eff, is 2 over them (Sokal 1997).
@@ -178,12 +178,7 @@ def combine_replicas(
 
     The degrees of freedom of the pooled error are by Satterthwaite (1946), doi:10.2307/3002019.
     """
-    try:
-        means = np.asarray(means, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"means: {means!r}, must be a list of at least one finite number") from None
-    if means.ndim != 1 or means.size == 0 or not np.isfinite(means).all():
-        raise InputError(f"means: {means}, must be a list of at least one finite number")
+    means = _finite_means(means)
     count, mean = means.size, float(means.mean())
     if count == 1 and standard_errors is None:
         raise InputError("standard_errors: None, must be given for a single replica")
@@ -264,6 +259,17 @@ def _estimate(values: npt.NDArray[np.float64]) -> Estimate:
         return Estimate(mean, math.nan, effective, math.nan, reason)
     error = float(values.std(ddof=1)) / math.sqrt(effective)
     return Estimate(mean, error, effective, effective / SAMPLES_PER_FREEDOM)
+
+
+def _finite_means(means: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """The means of `combine_replicas` as (n,) floats, or an InputError."""
+    try:
+        array = np.asarray(means, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"means: {means!r}, must be a list of at least one finite number") from None
+    if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
+        raise InputError(f"means: {array}, must be a list of at least one finite number")
+    return array
 
 
 def _of_replicas(name: str, values: npt.ArrayLike | None, count: int, missing: float) -> npt.NDArray[np.float64]:

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
-from taichi_lsm.measure.statistics import combine_replicas, difference, steady_state
+from taichi_lsm.statistics import combine_replicas, difference, steady_state
 
 TRIALS = 4000  # the share that is covered is known to 0.0035
 SAMPLES = 30  # independent samples within each run

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import taichi_lsm as lsm
 from taichi_lsm.core.schema import Variable
 from taichi_lsm.io.run_file import RunWriter
-from taichi_lsm.measure.statistics import Estimate, combine_replicas, difference, steady_ratio, steady_state
+from taichi_lsm.statistics import Estimate, combine_replicas, difference, steady_ratio, steady_state
 
 
 def along_strain(values, name="friction", end=5.0):

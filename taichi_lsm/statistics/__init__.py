@@ -1,0 +1,50 @@
+"""Statistics of runs: means with honest errors, and what laboratory protocols ask of their data.
+
+Plain functions on NumPy arrays and xarray objects, without a kernel; docs/statistics.md has their equations.
+"""
+
+from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
+from .contact_fabric import Fabric, fabric
+from .events import detect_events
+from .healing import Healing, healing_rate
+from .profiles import BoundarySlip, ShearBand, boundary_slip, shear_band
+from .rate_and_state import friction_after_step, log_state_after_step, spring_slider
+from .resampling import Resampled
+from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
+from .steady_steps import Dilatancy, dilatancy_coefficient, steady_rate_dependence
+from .velocity_step_fit import LawComparison, StepFit, compare_laws, fit_velocity_step
+from .work_shares import work_partition
+
+__all__ = [
+    "BValue",
+    "BoundarySlip",
+    "Catalogue",
+    "Dilatancy",
+    "Estimate",
+    "Fabric",
+    "Healing",
+    "LawComparison",
+    "Resampled",
+    "ShearBand",
+    "StepFit",
+    "b_value",
+    "boundary_slip",
+    "catalogue_statistics",
+    "combine_replicas",
+    "compare_laws",
+    "detect_events",
+    "difference",
+    "dilatancy_coefficient",
+    "fabric",
+    "fit_velocity_step",
+    "friction_after_step",
+    "healing_rate",
+    "log_state_after_step",
+    "magnitude_of_completeness",
+    "shear_band",
+    "spring_slider",
+    "steady_rate_dependence",
+    "steady_ratio",
+    "steady_state",
+    "work_partition",
+]
