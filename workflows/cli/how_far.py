@@ -28,7 +28,8 @@ def how_far(folder: Path) -> str:
     try:
         with lsm.opened_netcdf(folder / "run.nc") as file:
             strain, goal = file["shear_strain"][:], float(file["strain"][...])
-            text = f"stage {file['stage'][-1]}, shear strain {float(strain[-1]):.3g} of {goal:.3g} in the last row"
+            of_goal = "" if math.isnan(goal) else f" of {goal:.3g}"  # stages say themselves how far they go
+            text = f"stage {file['stage'][-1]}, shear strain {float(strain[-1]):.3g}{of_goal} in the last row"
         left = _seconds_left(folder, strain, goal)
     except UNREADABLE:
         return ""

@@ -199,7 +199,8 @@ class SweepProgress:
         read_at, text = self.strains.get(run.label, (-math.inf, ""))
         if now - read_at >= READ_EVERY_S:
             found = last_row(folder_of(self.out, run))
-            text = "" if found is None else f"{found[0]}, strain {found[1]:.2f}/{found[2]:.2f}"
+            goal = "" if found is None or math.isnan(found[2]) else f"/{found[2]:.2f}"  # stages have none
+            text = "" if found is None else f"{found[0]}, strain {found[1]:.2f}{goal}"
             self.strains[run.label] = now, text
         return text
 

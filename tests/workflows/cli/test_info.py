@@ -88,6 +88,10 @@ def test_info_says_how_far_an_unfinished_run_has_come(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "of 5 in the last row, about 04:00 left\n" in said  # 30 s for a strain of 0.5, 4 are left
     assert "  checkpoint.nc  checkpoint of 40 grains at step 700\n" in said
+    with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:  # of stages, which say themselves how far they go
+        file["strain"][...] = math.nan
+    main(["info", str(tmp_path)])
+    assert "so far: stage shear, shear strain 1 in the last row\n" in capsys.readouterr().out
     (tmp_path / "summary.json").write_text('{"metrics": {}}')
     with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:
         file.run_status = "complete"
