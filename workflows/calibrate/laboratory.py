@@ -146,10 +146,15 @@ def _even(along: NDArray, columns: Mapping[str, NDArray], path: Path) -> xarray.
     import xarray
 
     steps = np.diff(along)
-    if not len(steps) or not (steps > 0.0).all():
-        row = int(np.flatnonzero(steps <= 0.0)[0]) + 2 if len(steps) else 1
+    if not len(steps):
         raise InputError(
-            f"{path}, row {row} of the numbers: displacement must grow from row to row; remove what repeats"
+            f"{path}: has {len(along)} rows of numbers, must have many, of a displacement or strain that grows"
+        )
+    if not (steps > 0.0).all():
+        row = int(np.flatnonzero(steps <= 0.0)[0]) + 2
+        raise InputError(
+            f"{path}, row {row} after the header: displacement or strain must grow from row to row; sort the rows, and "
+            "remove those that repeat"
         )
     if np.abs(steps / steps.mean() - 1.0).max() > UNEVEN:
         even = np.linspace(along[0], along[-1], len(along))

@@ -11,6 +11,7 @@ from taichi_lsm.core.errors import InputError, finite, shown
 from workflows.common.parameter_problems import as_written, nearest
 
 KEYS = ("value", "error", "runs")
+GREATEST, LEAST_ERROR = 1e30, 1e-30  # beyond which the squares of misfits overflow
 MOST_TARGETS = 20
 METRIC = "a metric of summary.json, such as friction_mean"
 
@@ -70,14 +71,18 @@ def _target(metric: str, given: Any) -> Target:
         hint = nearest(unknown[0], KEYS)
         raise InputError(f"{key}.{as_written(unknown[0])}: unknown, must be one of {', '.join(KEYS)}.{hint}")
     value, error, runs = given.get("value"), given.get("error"), given.get("runs")
-    if value is None or not finite(value):
-        raise InputError(f"{key}.value = {shown(value)}: must be a number, in the unit that summary.json has")
+    if value is None or not finite(value) or abs(value) > GREATEST:
+        raise InputError(
+            f"{key}.value = {shown(value)}: must be a number up to {GREATEST:g}, in the unit of summary.json"
+        )
     if runs is not None and (isinstance(runs, bool) or not isinstance(runs, int) or not 1 <= runs <= 10**6):
         raise InputError(f"{key}.runs = {shown(runs)}: must be a whole number of simulated runs from 1 on")
     if error is None and runs is None:
         raise InputError(f"{key}.error: must be given, the standard error of the value; or runs, for simulated ones")
-    if error is not None and not (finite(error) and (error > 0.0 or (error == 0.0 and runs is not None))):
-        raise InputError(f"{key}.error = {shown(error)}: must be > 0, the standard error of the value")
+    if error is not None and not (finite(error) and (error >= LEAST_ERROR or (error == 0.0 and runs is not None))):
+        raise InputError(
+            f"{key}.error = {shown(error)}: must be > 0 ({LEAST_ERROR:g}), the standard error of the value"
+        )
     return Target(metric, float(value), None if error is None else float(error), runs)
 
 

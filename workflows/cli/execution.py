@@ -123,7 +123,7 @@ def problems_of(error: InputError) -> list[str]:
 def refusals(folder: Path, existing: Existing) -> list[str]:
     """Reasons why the folder cannot be written to; [] if it can."""
     try:
-        check_folder(folder, existing, "--out", "--overwrite")
+        check_folder(folder, existing, "--out", "--overwrite is given")
     except InputError as error:
         return [str(error)]
     return []

@@ -44,11 +44,13 @@ def sensitivity_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
         quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
     ) -> int:
         """Find which share of a metric's variance each parameter of a sweep gives; writes sensitivity.nc, a picture."""
+        if jobs < 1:
+            return complain([f"--jobs {jobs}: must be >= 1."])
         try:
             folder = path
             if path.is_file():
                 folder = out
-                Sweep(found, path, out, quiet, format).run(None, max(1, jobs), retries=3, limits=Limits())
+                Sweep(found, path, out, quiet, format).run(None, jobs, retries=3, limits=Limits())
             study, indices = sensitivity_of(folder, metric or ())
             write_sensitivity(folder, study, indices)
             names = parameters_of(study, folder)

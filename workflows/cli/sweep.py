@@ -144,7 +144,7 @@ def _require_folder(out: Path, text: str) -> None:
     copy = out / COPY
     if not copy.is_file():
         check_folder(out, "refuse", "--out", "it holds this sweep")
-    elif copy.read_text(encoding="utf-8") != text:
+    elif copy.read_bytes() != text.encode():
         raise InputError(f"--out {out}: holds another sweep, whose file is {copy}; choose another folder")
     else:
         check_folder(out, "resume", "--out")

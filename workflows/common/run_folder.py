@@ -42,7 +42,10 @@ WRITTEN = {
 
 
 def check_folder(
-    out: str | os.PathLike[str], existing: Existing, name: str = "out", permission: str = "existing='overwrite'"
+    out: str | os.PathLike[str],
+    existing: Existing,
+    name: str = "out",
+    permission: str = "existing='overwrite' is given",
 ) -> None:
     """Refuse a folder that cannot be written, or that holds anything unless that is overwritten or gone on with.
 
@@ -80,7 +83,7 @@ def _problem(folder: Path, existing: Existing, permission: str) -> str | None:
         if links := [path for path in _within(folder) if path.is_symlink()]:
             return f"holds the link {links[0].relative_to(folder)}, over which a run would write elsewhere; remove it"
         if existing == "refuse" and any(not LEFT_BY_KILLS.fullmatch(path.name) for path in folder.iterdir()):
-            return f"is not empty, must be new or empty unless {permission} is given"
+            return f"is not empty, must be new or empty unless {permission}"
         return None
     if folder.exists():
         return "is a file, must be a folder"

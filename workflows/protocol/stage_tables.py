@@ -6,6 +6,7 @@ times in inertial times t_i = d sqrt(rho/P).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, Self
@@ -14,7 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 MOST_STAGES = 20_000  # with all repetitions
 RESERVED = ("generate", "consolidate")  # stages before the schedule
-Positive = Annotated[float, Field(gt=0, le=1e9)]
+NAME = re.compile(r"[A-Za-z][\w-]{0,39}")
+LEAST_VELOCITY = 1e-6  # over that of the inertial number
+Positive = Annotated[float, Field(ge=1e-6, le=1e9)]
 
 
 class Table(BaseModel):
@@ -80,7 +83,7 @@ class Oscillation(Table):
 class StageTable(Table):
     """One stage of a schedule."""
 
-    name: str = Field(min_length=1, max_length=40, pattern=r"^[A-Za-z][\w-]*$")
+    name: str
     until: Until
     velocity: float | None = Field(default=None, ge=-1e3, le=1e3)
     normal_stress: float | None = Field(default=None, ge=1e-3, le=1e3)
@@ -92,6 +95,14 @@ class StageTable(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
+        if not NAME.fullmatch(self.name):
+            raise ValueError("name: must be a letter, then up to 39 letters, digits, - and _")
+        if self.velocity and abs(self.velocity) < LEAST_VELOCITY:
+            raise ValueError(
+                f"velocity {self.velocity:g}: must be 0 or at least {LEAST_VELOCITY:g}, over the usual one"
+            )
+        if self.oscillate and self.oscillate.of == "velocity" and self.velocity == 0.0:
+            raise ValueError("oscillate: has no effect at a velocity of 0, which it is a share of")
         if self.name in RESERVED:
             raise ValueError(f"name {self.name}: is that of a stage before the schedule, choose another")
         if self.oscillate and getattr(self, self.oscillate.of) is None:
@@ -146,6 +157,11 @@ def problems_of_stages(tables: Sequence[StageTable]) -> Iterator[str]:
         elif begin < free:
             yield f"stages[{i}].repeat_from {names[begin]}: is repeated already, must come after {names[free - 1]}"
         free = i + 1
+    keys = {name: name.replace("-", "_") for name in names}
+    for name, key in keys.items():
+        alike = [other for other, same in keys.items() if same == key and other != name]
+        if alike and name == min(name, *alike):
+            yield f"stages: the names {name} and {', '.join(alike)} are one in the names of metrics; rename all but one"
     if tables and tables[0].velocity is None:
         yield f"stages[0].velocity: the first stage, {names[0]}, must give it, such as velocity = 1.0"
     count = sum(repeat * len(block) for block, repeat in _blocks(tables))

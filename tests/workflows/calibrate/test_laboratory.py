@@ -137,7 +137,7 @@ def without(*names):
         ({"steady_from": {"value": 3.0}}, r"steady_from.unit = None: must be a unit of a length"),
         ({"steady_from": 6.0}, r"lab.csv: .*at least 10 are needed.*lower calibrate.laboratory.steady_from"),
         ({"steady_from": 5.97}, r"lab.csv: the error of the mean friction is unknown: .*targets.friction_mean"),
-        ({"keep": np.r_[0:100, 50:100]}, r"lab.csv, row 101 of the numbers: displacement must grow"),
+        ({"keep": np.r_[0:100, 50:100]}, r"lab.csv, row 101 after the header: displacement or strain must grow"),
     ],
 )
 def test_mistakes_are_named(laboratory, changes, message):

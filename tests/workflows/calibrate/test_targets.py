@@ -24,6 +24,11 @@ def test_targets_of_laboratories_and_of_simulated_runs():
         ({"friction_mean": {"value": 0.4}}, r"friction_mean.error: must be given.* or runs"),
         ({"friction_mean": {"value": 0.4, "error": 0}}, r"friction_mean.error = 0: must be > 0"),
         ({"friction_mean": {"value": 0.4, "error": float("nan")}}, r"friction_mean.error = nan: must be > 0"),
+        (
+            {"friction_mean": {"value": 1e308, "error": 1e-308}},
+            r"friction_mean.value = 1e\+308: must be a number up to",
+        ),
+        ({"friction_mean": {"value": 0.4, "error": 1e-308}}, r"friction_mean.error = 1e-308: must be > 0"),
         ({"friction_mean": {"value": 0.4, "runs": 0}}, r"friction_mean.runs = 0: must be a whole number"),
         ({"friction_mean": {"value": 0.4, "errors": 0.1}}, r"friction_mean.errors: unknown.*Did you mean error"),
         ({f"m{i}": {"value": 1, "error": 1} for i in range(21)}, r"targets: 21 metrics, must be at most 20"),

@@ -50,6 +50,13 @@ def test_a_stage_without_a_velocity_keeps_that_before_it():
         ([RUN_IN, DOWN], r"stages\[1\].repeat_from up: must be the name of this stage or of one before it"),
         ([RUN_IN, UP, DOWN, HOLD | {"repeat": 2, "repeat_from": "up"}], "is repeated already, must come after down"),
         ([RUN_IN | {"repeat": 20_000}, HOLD], "20001 with their repetitions, must be at most 20000"),
+        ([RUN_IN, UP | {"name": "run_in"}], "names run-in and run_in are one in the names of metrics"),
+        ([RUN_IN | {"name": "1st"}], "name: must be a letter, then up to 39 letters"),
+        ([RUN_IN | {"velocity": 1e-9}], "velocity 1e-09: must be 0 or at least 1e-06"),
+        (
+            [RUN_IN, HOLD | {"oscillate": {"of": "velocity", "amplitude": 0.5, "period": 1.0}}],
+            "oscillate: has no effect at a velocity of 0",
+        ),
         ([RUN_IN | {"ramp": 1.0, "velocity": None}], "ramp 1: nothing changes in this stage"),
         (
             [RUN_IN | {"oscillate": {"of": "normal_stress", "amplitude": 0.1, "period": 5.0}}],

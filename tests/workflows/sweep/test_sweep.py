@@ -50,3 +50,8 @@ def test_a_sweep_tells_of_every_run_and_repeats_only_what_failed(tmp_path, capsy
     assert {path: path.stat().st_mtime_ns for path in (out / "runs" / "1").iterdir()} == kept
     file.write_text(SWEEP.replace("10", "11"))
     assert main(command) == 2 and "holds another sweep" in capsys.readouterr().err
+    copy = tmp_path / "out/sweep.toml"
+    text = copy.read_bytes()
+    copy.write_bytes(b"\xff\xfe")
+    assert main(command) == 2 and "holds another sweep" in capsys.readouterr().err
+    copy.write_bytes(text)
