@@ -234,7 +234,7 @@ def _record(
     scene = sim.scene
     title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
     pulled = isinstance(sim.platens.drives[1][0], lsm.SpringLoadPoint)
-    drive = "by a load point on a spring" if pulled else "at constant velocity"
+    drive = "by a load point on a spring" if pulled else "in stages" if params.stages else "at constant velocity"
     summary = f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared {drive}."
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene

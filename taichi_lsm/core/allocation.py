@@ -54,7 +54,8 @@ def _refuse_overflow() -> None:
     if last >= MOST_NODES:
         raise InputError(
             f"this process has declared {last} Taichi nodes of {MOST_NODES}: there is no room for another simulation; "
-            "use Simulation.reset for scenes with the same KernelSpec, or a process of its own"
+            "make it in another process, such as one for each run, or use Simulation.reset for a scene without platens "
+            "that has the same KernelSpec"
         )
 
 

@@ -34,7 +34,7 @@ RESERVED: dict[str, tuple[type, str, dict[str, Any]]] = {  # type, help and form
         "write to a folder that is not empty: what a run has left there is removed, other files stay",
         FLAG,
     ),
-    "quiet": (bool, "print nothing but errors and claims that are not met", FLAG),
+    "quiet": (bool, "print nothing but errors, notes and claims that are not met", FLAG),
     "yes": (bool, "start also what takes more than a day or half of the memory", FLAG),
     "strict": (bool, "exit with code 3 if a claim is not met", FLAG),
 }

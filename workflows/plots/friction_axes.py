@@ -59,7 +59,9 @@ def mark_stages(axes: Any, sheared: xarray.Dataset) -> None:
         name = str(sheared.stage.values[begin])
         if strain[end] - strain[begin] > ROOM_OF_LETTER * width * len(name):
             middle = 0.5 * (strain[begin] + strain[end])
-            axes.text(middle, 0.01, name, transform=axes.get_xaxis_transform(), ha="center", va="bottom", fontsize=8)
+            place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+            paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}  # above the line of zero friction
+            axes.text(middle, 0.02, name, fontsize=8, bbox=paper, **place)
 
 
 def running_mean(values: NDArray, width: int) -> NDArray:

@@ -203,14 +203,27 @@ def _conditions(params, sheared, grains):
     steady = sheared.inertial_number[(sheared.shear_strain >= getattr(params, "steady_from", 0.0)).values]
     rate = float((steady if steady.size else sheared.inertial_number).mean())
     sizes = dict.fromkeys(f"{1e6 * d:g}" for d in (params.smallest_diameter, params.largest_diameter))
+    rates = shown(rate, ".2g")
+    if getattr(params, "stages", None):
+        means = sheared.inertial_number.groupby(sheared.stage_index).mean().values
+        rates = f"{means.min():.2g} to {means.max():.2g}"
     spring = spring_words(params)
     driven = "sheared in stages" if getattr(params, "stages", None) else "sheared at constant velocity"
     return (
         f"{params.dim}D gouge of {grains}, {' to '.join(sizes)} µm across, "
         f"{f'pulled by a spring of {spring}' if spring else driven}, "
-        f"normal stress {params.normal_stress / 1e6:g} MPa, {friction_words(sheared)}{other_effects(sheared)}, "
-        f"inertial number {shown(rate, '.2g')}, stiffness number {shown(float(sheared.stiffness_number))}"
+        f"{_stresses(params, sheared)}, {friction_words(sheared)}{other_effects(sheared)}, "
+        f"inertial number {rates}, stiffness number {shown(float(sheared.stiffness_number))}"
     )
+
+
+def _stresses(params, sheared):
+    """The normal stress in words; that of --normal-stress if stages change it, with the range of their means."""
+    given = f"normal stress {params.normal_stress / 1e6:g} MPa"
+    if not any("normal_stress" in stage for stage in getattr(params, "stages", [])):
+        return given
+    means = sheared.platen_normal_stress.groupby(sheared.stage_index).mean().values / 1e6
+    return f"{given} at first and {means.min():.3g} to {means.max():.3g} MPa in the stages"
 
 
 def _draw_friction(axes, sheared, params):

@@ -136,7 +136,7 @@ def test_a_folder_that_is_not_empty_needs_overwrite(plugins, tmp_path, capsys):
 def test_overwriting_another_experiment_is_told(plugins, tmp_path, capsys):
     (tmp_path / "full").mkdir()
     (tmp_path / "full/config.toml").write_text('experiment = "shear-gouge"\n')
-    assert main(["toy-run", "--out", "full", "--overwrite", "--quiet"]) == 0
+    assert main(["toy-run", "--out", "full", "--overwrite"]) == 0
     assert capsys.readouterr().err == "lsm: note: --overwrite removes the files of the run of shear-gouge in full\n"
 
 
