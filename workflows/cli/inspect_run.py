@@ -125,7 +125,9 @@ def print_info(folder: Path) -> int:
     if holder:
         print(f"in use: {holder} writes to it")
     elif goes_on and (folder / CONFIG).is_file():
-        print(f"stopped: no process writes to it any more; to go on with it: lsm resume {folder}")
+        missing = attributes.get("run_status") == "complete" and not (folder / FILE).is_file()
+        state = "all rows are there, its summary is missing" if missing else "no process writes to it any more"
+        print(f"stopped: {state}; to go on with it: lsm resume {folder}")
     if goes_on and (far := how_far(folder)):
         print(f"so far: {far}")
     if (folder / FILE).is_file():

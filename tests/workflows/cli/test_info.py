@@ -92,9 +92,12 @@ def test_info_says_how_far_an_unfinished_run_has_come(tmp_path, capsys):
         file["strain"][...] = math.nan
     main(["info", str(tmp_path)])
     assert "so far: stage shear, shear strain 1 in the last row\n" in capsys.readouterr().out
-    (tmp_path / "summary.json").write_text('{"metrics": {}}')
     with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:
         file.run_status = "complete"
+    (tmp_path / "config.toml").write_text('experiment = "shear-gouge"\n')
+    main(["info", str(tmp_path)])
+    assert "stopped: all rows are there, its summary is missing; to go on" in capsys.readouterr().out
+    (tmp_path / "summary.json").write_text('{"metrics": {}}')
     main(["info", str(tmp_path)])
     assert "so far" not in capsys.readouterr().out
 
