@@ -110,7 +110,7 @@ def _check_rows(path: Path, columns: Mapping[str, NDArray], headers: Mapping[str
         if len(wrong):
             value = columns[what][wrong[0]]
             raise InputError(
-                f"{path}, row {wrong[0] + 1} of the numbers, column {as_written(headers[what])}: {value:g} in SI "
+                f"{path}, row {wrong[0] + 1} after the header, column {as_written(headers[what])}: {value:g} in SI "
                 "units, must be > 0; compression is positive"
             )
 

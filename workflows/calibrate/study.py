@@ -16,10 +16,8 @@ from workflows.calibrate.laboratory import laboratory_targets
 from workflows.calibrate.loop import Problem
 from workflows.calibrate.priors import Prior, points_at, priors_of
 from workflows.calibrate.targets import Target, targets_of, with_model_errors
-from workflows.common.parameter_files import CALIBRATE
-from workflows.common.parameter_problems import as_written, nearest
+from workflows.common.parameter_files import CALIBRATE, content_of, read_study
 from workflows.common.parameters import Params, merge
-from workflows.common.toml_reader import read_toml
 from workflows.common.toml_writer import to_toml
 from workflows.sweep.factors import MOST_RUNS, Point
 
@@ -80,19 +78,7 @@ def study_of(path: Path, found: Mapping[str, ModuleType]) -> Study:
     InputError
         With the file, the key, its value, what is allowed and what to do.
     """
-    content = _content(path)
-    experiment, table = content.get("experiment"), content.get(CALIBRATE)
-    if not isinstance(experiment, str) or experiment not in found:
-        hint = nearest(str(experiment), found) if experiment else ""
-        what = f"experiment = {as_written(experiment)}" if experiment else "experiment is missing"
-        raise InputError(f"{path}: {what}, must be one of {', '.join(found)}.{hint}")
-    if not isinstance(table, Mapping):
-        raise InputError(f"{path}: {CALIBRATE} is {'no table' if table else 'missing'}, must be a table [{CALIBRATE}]")
-    if unknown := sorted(set(table) - set(KEYS)):
-        hint = nearest(unknown[0], KEYS)
-        raise InputError(
-            f"{path}: calibrate.{as_written(unknown[0])}: unknown, must be one of {', '.join(KEYS)}.{hint}"
-        )
+    experiment, table, _ = read_study(path, found, CALIBRATE, KEYS)
     module = found[experiment]
     try:
         priors = priors_of(table.get("priors"), module.Params)
@@ -110,20 +96,10 @@ def study_of(path: Path, found: Mapping[str, ModuleType]) -> Study:
 
 def identity_of(path: Path) -> dict[str, Any]:
     """What the runs of a calibration depend on: all of its file but targets and budget."""
-    content = _content(path)
+    content = content_of(path)
     table = content.get(CALIBRATE)
     kept = {k: v for k, v in table.items() if k not in OF_TARGETS} if isinstance(table, Mapping) else {}
     return content | {CALIBRATE: kept}
-
-
-def _content(path: Path) -> dict[str, Any]:
-    try:
-        return read_toml(path)
-    except FileNotFoundError:
-        others = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        raise InputError(f"{path}: there is no such file.{nearest(path.name, others)}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _targets(table: Mapping[str, Any], folder: Path) -> tuple[Target, ...]:

@@ -11,7 +11,6 @@ import numpy as np
 from cyclopts import Parameter
 
 import taichi_lsm as lsm
-from taichi_lsm.core.errors import InputError, SimulationError
 from workflows.calibrate.design import first_design
 from workflows.calibrate.loop import Calibration, calibrate
 from workflows.calibrate.posterior_file import DRAWS, errors_of, write_posterior
@@ -20,15 +19,14 @@ from workflows.calibrate.result import metrics_of
 from workflows.calibrate.samples import Sample, sample_of
 from workflows.calibrate.study import Study, identity_of, study_of
 from workflows.calibrate.verdicts import verdicts
-from workflows.cli.execution import complain
+from workflows.cli.execution import complain, exit_code_of
 from workflows.cli.sweep import Sweep
-from workflows.common import signals
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE
 from workflows.common.libraries import library
 from workflows.common.metrics import read_summary, write_summary
 from workflows.common.one_run import COMPLETED, Limits, Outcome
 from workflows.common.parameter_coordinates import unit_and_name
-from workflows.common.run_folder import check_folder
+from workflows.common.run_folder import check_study_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.plots.calibration import Axis, Compared, edges_of, plot_calibration
 from workflows.sweep.drive import folder_of
@@ -58,16 +56,9 @@ def calibrate_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
         """Find the parameters of an experiment that give measured values; writes posterior.nc and a picture."""
         if jobs < 1:
             return complain([f"--jobs {jobs}: must be >= 1."])
-        try:
-            return CalibrationFolder(found, file, out, quiet).run(scheduler, jobs)
-        except InputError as error:
-            return complain([str(error)])
-        except (SimulationError, OSError) as error:
-            complain([reason_of(error)])
-            return FAILED
-        except signals.Interrupted:
-            complain([f"complete runs are kept; to go on: the same command, lsm calibrate {file} --out {out}"])
-            raise
+        return exit_code_of(
+            lambda: CalibrationFolder(found, file, out, quiet).run(scheduler, jobs), f"lsm calibrate {file} --out {out}"
+        )
 
     return calibrate
 
@@ -95,7 +86,9 @@ class CalibrationFolder:
         for name in ("sklearn.gaussian_process", "arviz_base"):  # before hours of runs
             library(name, "calibrate")
         self.study, self.runs = study_of(file, found), 0
-        _require_folder(file, out)
+        copy = out / COPY
+        same = copy.is_file() and identity_of(copy) == identity_of(file)
+        check_study_folder(out, copy, "calibration", same, "; only its targets and runs may change")
 
     def run(self, scheduler: str | None, jobs: int) -> int:
         """Carry out what is left, and write all files; returns the exit code."""
@@ -174,17 +167,3 @@ def draw(study: Study, found: Calibration, path: Path) -> None:
         for i, target in enumerate(problem.targets)
     ]
     plot_calibration(path, axes, posterior.weights, compared)
-
-
-def _require_folder(file: Path, out: Path) -> None:
-    """Refuse a folder that holds anything but this calibration, perhaps of other targets or with fewer runs."""
-    copy = out / COPY
-    if not copy.is_file():
-        check_folder(out, "refuse", "--out", "it holds this calibration")
-    elif identity_of(copy) != identity_of(file):
-        raise InputError(
-            f"--out {out}: holds another calibration, whose file is {copy}; only its targets and runs may change, "
-            "choose another folder"
-        )
-    else:
-        check_folder(out, "resume", "--out")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -88,6 +88,23 @@ def execute(
     missed = failed_claims(summary) if summary else []
     complain(missed)
     return CLAIM_NOT_MET if strict and missed else COMPLETE
+
+
+def exit_code_of(command: Callable[[], int], again: str) -> int:
+    """The exit code of a command that makes many runs, with its mistakes and failures in one line each.
+
+    again: the same command, with which it goes on if it is interrupted.
+    """
+    try:
+        return command()
+    except InputError as error:
+        return complain([str(error)])
+    except (SimulationError, OSError) as error:
+        complain([reason_of(error)])
+        return FAILED
+    except signals.Interrupted:
+        complain([f"complete runs are kept; to go on: the same command, {again}"])
+        raise
 
 
 def _replaced(folder: Path, name: str, existing: Existing) -> Iterator[str]:

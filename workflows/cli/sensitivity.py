@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.execution import complain
+from workflows.cli.execution import complain, exit_code_of
 from workflows.cli.sweep import Sweep
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE
 from workflows.common.metrics import print_summary
 from workflows.common.one_run import Limits
 from workflows.plots.sensitivity import plot_sensitivity
+from workflows.sweep.saltelli import Indices
 from workflows.sweep.sensitivity import metrics_of, parameters_of, sensitivity_of, write_sensitivity
 
 
@@ -46,31 +46,33 @@ def sensitivity_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
         """Find which share of a metric's variance each parameter of a sweep gives; writes sensitivity.nc, a picture."""
         if jobs < 1:
             return complain([f"--jobs {jobs}: must be >= 1."])
-        try:
-            folder = path
+        folder = out if path.is_file() else path
+
+        def analyse() -> int:
             if path.is_file():
-                folder = out
                 Sweep(found, path, out, quiet, format).run(None, jobs, retries=3, limits=Limits())
             study, indices = sensitivity_of(folder, metric or ())
             write_sensitivity(folder, study, indices)
             names = parameters_of(study, folder)
             plot_sensitivity(folder / f"sensitivity.{format}", names, indices)
-        except InputError as error:
-            return complain([str(error)])
-        except (SimulationError, OSError) as error:
-            complain([reason_of(error)])
-            return FAILED
-        if not quiet:
-            rows = {name: entry.as_dict() for name, entry in metrics_of(names, indices).items()}
-            print_summary({"workflow": "sensitivity", "preset": None, "metrics": rows})
-        complain(
-            [
-                f"{name}: {of_metric.left_out} of {of_metric.left_out + of_metric.blocks} blocks are left out, as runs "
-                "in them gave nothing; run the sweep again, or see its notes."
-                for name, of_metric in indices.items()
-                if of_metric.left_out
-            ]
-        )
-        return COMPLETE
+            _tell(names, indices, quiet)
+            return COMPLETE
+
+        return exit_code_of(analyse, f"lsm sensitivity {path} --out {out}")
 
     return sensitivity
+
+
+def _tell(names: Sequence[str], indices: Mapping[str, Indices], quiet: bool) -> None:
+    """Print the indices, and which blocks were left out."""
+    if not quiet:
+        rows = {name: entry.as_dict() for name, entry in metrics_of(names, indices).items()}
+        print_summary({"workflow": "sensitivity", "preset": None, "metrics": rows})
+    complain(
+        [
+            f"{name}: {of_metric.left_out} of {of_metric.left_out + of_metric.blocks} blocks are left out, as runs "
+            "in them gave nothing; run the sweep again, or see its notes."
+            for name, of_metric in indices.items()
+            if of_metric.left_out
+        ]
+    )

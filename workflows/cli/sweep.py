@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -11,14 +10,13 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 import taichi_lsm as lsm
-from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.execution import complain
+from taichi_lsm.core.errors import InputError
+from workflows.cli.execution import complain, exit_code_of
 from workflows.cli.sweep_progress import SweepProgress
-from workflows.common import signals
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE, FAILED
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.one_run import COMPLETED, Limits, Outcome
-from workflows.common.run_folder import check_folder
+from workflows.common.run_folder import check_study_folder
 from workflows.common.stopwatch import Stopwatch
 from workflows.common.toml_writer import to_toml
 from workflows.sweep.drive import config_of, counts, drive, folder_of
@@ -59,16 +57,10 @@ def sweep_command(found: Mapping[str, ModuleType]) -> Callable[..., int]:
         if wrong:
             return complain(wrong)
         limits = Limits(time_limit, None if memory_limit is None else 1e9 * memory_limit)
-        try:
-            return Sweep(found, file, out, quiet, kind).run(scheduler, jobs, retries, limits)
-        except InputError as error:
-            return complain([str(error)])
-        except (SimulationError, OSError) as error:
-            complain([reason_of(error)])
-            return FAILED
-        except signals.Interrupted:
-            complain([f"complete runs are kept; to go on: the same command, lsm sweep {file} --out {out}"])
-            raise
+        return exit_code_of(
+            lambda: Sweep(found, file, out, quiet, kind).run(scheduler, jobs, retries, limits),
+            f"lsm sweep {file} --out {out}",
+        )
 
     return sweep
 
@@ -99,7 +91,9 @@ class Sweep:
         self.text = file.read_text(encoding="utf-8")
         self.kind = kind or next(run.params.format for run in self.plan.runs if run.params is not None)
         self.ended: dict[str, Outcome] = {}
-        _require_folder(out, self.text)
+        copy = out / COPY
+        same = copy.is_file() and copy.read_bytes() == self.text.encode()
+        check_study_folder(out, copy, "sweep", same)
 
     def run(self, scheduler: str | None, jobs: int, retries: int, limits: Limits) -> int:
         """Carry out what is left, see `drive`; returns the exit code."""
@@ -139,25 +133,12 @@ class Sweep:
                 print(f"sweep: no picture: {error}", flush=True)
 
 
-def _require_folder(out: Path, text: str) -> None:
-    """Refuse a folder that holds anything but this sweep."""
-    copy = out / COPY
-    if not copy.is_file():
-        check_folder(out, "refuse", "--out", "it holds this sweep")
-    elif copy.read_bytes() != text.encode():
-        raise InputError(f"--out {out}: holds another sweep, whose file is {copy}; choose another folder")
-    else:
-        check_folder(out, "resume", "--out")
-
-
 def _write_configs(plan: SweepPlan, out: Path) -> None:
     """A file of parameters for each run, with which it can be made alone."""
     (out / "points").mkdir(exist_ok=True)
     (out / "runs").mkdir(exist_ok=True)
     for run in plan.runs:
         if run.params is not None:
-            path = config_of(out, run)
-            new = path.with_suffix(".part")
-            new.write_text(to_toml(run.params, plan.experiment), encoding="utf-8")
-            os.replace(new, path)
+            with lsm.replacing(config_of(out, run)) as new:
+                new.write_text(to_toml(run.params, plan.experiment), encoding="utf-8")
             folder_of(out, run).mkdir(exist_ok=True)

@@ -43,7 +43,12 @@ class OfFile(NamedTuple):
 
 
 def read_for(
-    path: Path, experiment: str, fields: Collection[str], others: Mapping[str, Collection[str]], problems: list[str]
+    path: Path,
+    experiment: str,
+    fields: Collection[str],
+    others: Mapping[str, Collection[str]],
+    problems: list[str],
+    content: Mapping[str, Any] | None = None,
 ) -> OfFile:
     """Read what the file at `path` gives to an experiment.
 
@@ -57,9 +62,11 @@ def read_for(
         Name -> parameters of every other experiment.
     problems
         Takes a message for each mistake: a file that cannot be read, a table of no experiment.
+    content
+        Of the file, if it has been read already.
     """
     top, own, tables, foreign = {}, {}, [], []
-    content = _read(path, problems)
+    content = _read(path, problems) if content is None else dict(content)
     written_for, preset = (content.pop(key, None) if key not in fields else None for key in ("experiment", "preset"))
     for key, value in (("experiment", written_for), ("preset", preset)):
         if not isinstance(value, str | None):
@@ -91,6 +98,51 @@ def read_for(
     notes += [f"{path}: the table [{name}] was not taken: it is for lsm {name}" for name in of_commands]
     of_this = isinstance(preset, str) and not other
     return OfFile(top, own, bool(tables or foreign or other), tuple(notes), preset if of_this else None)
+
+
+def read_study(
+    path: Path, experiments: Collection[str], name: str, keys: Collection[str], such: str = ""
+) -> tuple[str, Mapping[str, Any], dict[str, Any]]:
+    """(experiment, table `name`, all content) of a file of parameters of one experiment that asks for many runs of it.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    experiments
+        Names of all there are.
+    name, keys, such
+        Of the table: its name, the keys that it may have, and an example for the message.
+
+    Raises
+    ------
+    InputError
+        With the file, the key, its value, what is allowed and the nearest name.
+    """
+    content = content_of(path)
+    experiment, table = content.get("experiment"), content.get(name)
+    if not isinstance(experiment, str) or experiment not in experiments:
+        hint = nearest(str(experiment), experiments) if experiment else ""
+        what = f"experiment = {as_written(experiment)}" if experiment else "experiment is missing"
+        raise InputError(f"{path}: {what}, must be one of {', '.join(experiments)}.{hint}")
+    if not isinstance(table, Mapping):
+        what = "no table" if table else "missing"
+        raise InputError(f"{path}: {name} is {what}, must be a table, {such or f'[{name}]'}")
+    if unknown := sorted(set(table) - set(keys)):
+        hint = nearest(unknown[0], keys)
+        raise InputError(f"{path}: {name}.{as_written(unknown[0])}: unknown, must be one of {', '.join(keys)}.{hint}")
+    return experiment, table, content
+
+
+def content_of(path: Path) -> dict[str, Any]:
+    """The content of a TOML file; InputError if it cannot be read."""
+    try:
+        return read_toml(path)
+    except FileNotFoundError:
+        others = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        raise InputError(f"{path}: there is no such file.{nearest(path.name, others)}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def config_in(folder: Path) -> Path:

@@ -70,6 +70,33 @@ def check_folder(
         raise InputError(f"{name} {folder}: {problem}.")
 
 
+def check_study_folder(out: Path, copy: Path, what: str, same: bool, may: str = "") -> None:
+    """Refuse a folder of many runs that holds anything but the same study, a sweep or a calibration.
+
+    Parameters
+    ----------
+    out, copy
+        The folder, and the copy of the study's file in it.
+    what
+        The study in words.
+    same
+        Whether the copy is of this study.
+    may
+        What may differ, for the message.
+
+    Raises
+    ------
+    InputError
+        With the folder and what to do.
+    """
+    if not copy.is_file():
+        check_folder(out, "refuse", "--out", f"it holds this {what}")
+    elif not same:
+        raise InputError(f"--out {out}: holds another {what}, whose file is {copy}{may}; choose another folder")
+    else:
+        check_folder(out, "resume", "--out")
+
+
 def _within(folder: Path) -> Iterator[Path]:
     """What a run may write to: everything in its folder, in those of its runs, and in that of its parts."""
     for pattern in ("*", ".*", "runs/*", "runs/*/*", f"{PARTS}/*"):

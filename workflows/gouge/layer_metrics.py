@@ -54,11 +54,9 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     platen = lsm.statistics.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
-    residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max() / sheared.work_throughput[-1]
     normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
     rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
     apart = abs(platen.mean / friction.mean - 1.0)
-    number = float(dataset.stiffness_number)
 
     def estimate(name: str) -> lsm.statistics.Estimate:
         return lsm.statistics.steady_state(sheared[name], params.steady_from)
@@ -70,8 +68,8 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "platen_bulk_difference": Metric(apart, "1"),
         "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
-        "stiffness_number": Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS),
-        "energy_residual": Metric(float(residual), "1"),
+        "stiffness_number": _stiffness(dataset),
+        "energy_residual": _residual(sheared),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),
         **{name: _mean(estimate(name), unit) for name, unit in STEADY.items()},
@@ -83,18 +81,28 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
 
 def _staged(dataset: xarray.Dataset, sheared: xarray.Dataset, params: Params) -> dict[str, Metric]:
     """Metrics of a run through stages, whose rows are of no steady state."""
-    residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max() / sheared.work_throughput[-1]
-    number = float(dataset.stiffness_number)
     return {
         **stage_metrics(sheared),
         "shear_strain": Metric(float(sheared.shear_strain[-1]), "1", note="of all stages"),
         "cycles": Metric(int(sheared.cycle.max()), "1", note="repetitions of the stages that are repeated"),
-        "stiffness_number": Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS),
-        "energy_residual": _claimed("energy_residual", Metric(float(residual), "1")),
+        "stiffness_number": _stiffness(dataset),
+        "energy_residual": _claimed("energy_residual", _residual(sheared)),
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
         **_breakage(sheared),
         **_spring(params),
     }
+
+
+def _residual(sheared: xarray.Dataset) -> Metric:
+    """Greatest energy residual since shear began, over the throughput of work."""
+    residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max()
+    return Metric(float(residual / sheared.work_throughput[-1]), "1")
+
+
+def _stiffness(dataset: xarray.Dataset) -> Metric:
+    """Stiffness number of the contacts."""
+    number = float(dataset.stiffness_number)
+    return Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS)
 
 
 def _claimed(name: str, metric: Metric) -> Metric:

@@ -1,19 +1,17 @@
-"""The schedule of a sheared layer: consolidation under the normal stress, then shear at constant velocity."""
+"""The schedule of a sheared layer: consolidation under the normal stress, then the stages of its shear."""
 
 from __future__ import annotations
 
-from workflows.gouge.layer_drives import SHEAR_RATE
 from workflows.gouge.layer_scene import LARGEST_SPEED
 from workflows.gouge.parameters import Params
-from workflows.gouge.shear_stages import SAMPLES_PER_ROW, shear_stages
-from workflows.protocol.conditions import Reached, Settled
-from workflows.protocol.schedule import Change, Spacing, Stage
+from workflows.gouge.shear_stages import shear_stages
+from workflows.protocol.conditions import Settled
+from workflows.protocol.schedule import Spacing, Stage
 
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
 ROW_TIMES = 2.0  # inertial times between two rows of the consolidation
 SETTLING_SAMPLES = 4  # in each of them
 CONSOLIDATE = "consolidate"
-SHEAR = "shear"  # the stage in which friction is measured, where no stages are given
 
 
 def layer_schedule(params: Params, dt: float, thickness: float) -> list[Stage]:
@@ -37,14 +35,4 @@ def layer_schedule(params: Params, dt: float, thickness: float) -> list[Stage]:
             SETTLING_SAMPLES * -(-int(ROW_TIMES * p.inertial_time / dt) // SETTLING_SAMPLES), SETTLING_SAMPLES
         ),
     )
-    if p.stages:
-        return [consolidate, *shear_stages(p, dt)]
-    steps_per_row = p.inertial_time / (p.inertial_number * p.rows_per_strain * dt)
-    shear = Stage(
-        SHEAR,
-        until=Reached(strain=p.strain),
-        spacing=Spacing(steps_per_row, SAMPLES_PER_ROW),
-        drives={SHEAR_RATE: Change(p.inertial_number / p.inertial_time)},
-        snapshot_strain=1.0,
-    )
-    return [consolidate, shear]
+    return [consolidate, *shear_stages(p, dt)]

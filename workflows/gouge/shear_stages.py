@@ -6,15 +6,22 @@ from workflows.gouge.layer_drives import NORMAL_STRESS, SHEAR_RATE
 from workflows.gouge.parameters import Params
 from workflows.protocol.conditions import Reached
 from workflows.protocol.schedule import Change, Spacing, Stage
-from workflows.protocol.stage_tables import Interval, Planned, Sample, planned
+from workflows.protocol.stage_tables import Interval, Planned, Sample, StageTable, Until, planned
 
 TOML_NAME = {SHEAR_RATE: "velocity", NORMAL_STRESS: "normal_stress"}
+SHEAR = "shear"  # the stage in which friction is measured, where no stages are given
+SNAPSHOT_STRAIN = 1.0  # shear strain from snapshot to snapshot of a stage
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
+
+
+def stages_of(params: Params) -> list[Planned]:
+    """The stages after the consolidation: those that are given, or one at the velocity of the inertial number."""
+    return planned(params.stages or [StageTable(name=SHEAR, velocity=1.0, until=Until(strain=params.strain))])
 
 
 def shear_stages(params: Params, dt: float) -> list[Stage]:
     """All stages after the consolidation; dt: time step [s]."""
-    all_stages = planned(params.stages)
+    all_stages = stages_of(params)
     last = max((stage.cycle for stage in all_stages), default=0)
     return [_stage(params, dt, stage, kept=stage.cycle in (0, 1, last)) for stage in all_stages]
 
@@ -22,9 +29,7 @@ def shear_stages(params: Params, dt: float) -> list[Stage]:
 def expected(params: Params) -> tuple[float, float]:
     """(shear strain [1], time [t_i]) of the shear."""
     p, strain, time = params, 0.0, 0.0
-    if not p.stages:
-        return p.strain, p.strain / p.inertial_number
-    for stage in planned(p.stages):
+    for stage in stages_of(p):
         rate = abs(stage.velocity) * p.inertial_number  # [1/t_i]
         takes = min(_duration(p, name, value, rate) for name, value in stage.table.until.given.items())
         strain, time = strain + rate * takes, time + takes
@@ -64,6 +69,7 @@ def _stage(params: Params, dt: float, stage: Planned, kept: bool) -> Stage:
         drives=drives,
         cycle=stage.cycle,
         kept=kept,
+        snapshot_strain=SNAPSHOT_STRAIN,
     )
 
 

@@ -28,14 +28,13 @@ def stage_metrics(sheared: xarray.Dataset) -> dict[str, Metric]:
     sheared
         Rows of run.nc since shear began, with their `stage` and `stage_index`.
     """
-    metrics = {}
+    metrics, index = {}, sheared.stage_index.values
     time = np.concatenate([[np.nan], np.diff(sheared.time.values)])
     time[0] = time[1] if len(time) > 1 else 1.0
     for name in dict.fromkeys(sheared.stage.values.tolist()):
         own = sheared.stage.values == name
-        means = np.array(
-            [_friction(sheared, time, own & (sheared.stage_index.values == i)) for i in _passages(sheared, own)]
-        )
+        passages = np.unique(index[own])  # places in the schedule
+        means = np.array([_friction(sheared, time, index == place) for place in passages])
         key = f"friction_{name.replace('-', '_')}"
         if len(means) < LEAST_PASSAGES:
             reason = ALONE if len(means) == 1 else f"{len(means)} passages, at least {LEAST_PASSAGES} are needed"
@@ -44,11 +43,6 @@ def stage_metrics(sheared: xarray.Dataset) -> dict[str, Metric]:
             found = lsm.statistics.combine_replicas(means)
         metrics |= metrics_of_estimate(f"{key}_mean", f"{key}_se", found)
     return metrics
-
-
-def _passages(sheared: xarray.Dataset, own: NDArray) -> NDArray:
-    """Places in the schedule of the passages through a stage."""
-    return np.unique(sheared.stage_index.values[own])
 
 
 def _friction(sheared: xarray.Dataset, time: NDArray, rows: NDArray) -> float:

@@ -10,11 +10,9 @@ from types import ModuleType
 from typing import Any
 
 from taichi_lsm.core.errors import InputError, shown
-from workflows.common.parameter_files import SWEEP, read_for
-from workflows.common.parameter_problems import as_written, nearest
+from workflows.common.parameter_files import SWEEP, read_for, read_study
 from workflows.common.parameter_types import members
 from workflows.common.parameters import Params, merge_read
-from workflows.common.toml_reader import read_toml
 from workflows.sweep.factors import MOST_RUNS, Factor, Point, combined, factors_of
 
 KEYS = ("grid", "together", "sample", "replicas")
@@ -88,7 +86,7 @@ def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
     InputError
         If the file cannot be used, or no run can be made; with the key, its value, what is allowed and what to do.
     """
-    experiment, table = _read(path, found)
+    experiment, table, content = read_study(path, found, SWEEP, KEYS, f"such as [{SWEEP}.grid]")
     module = found[experiment]
     fields = module.Params.model_fields
     whole = frozenset(name for name in fields if _is_whole(fields[name].annotation))
@@ -97,7 +95,7 @@ def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     others = {name: set(other.Params.model_fields) for name, other in found.items() if name != experiment}
-    planner = _Planner(path, experiment, module, others)
+    planner = _Planner(path, content, experiment, module, others)
     replicas, most = table.get("replicas", 1), MOST_RUNS // math.prod(len(factor.points) for factor in factors)
     if isinstance(replicas, bool) or not isinstance(replicas, int) or not 1 <= replicas <= most:
         raise InputError(f"{path}: sweep.replicas = {shown(replicas)}: must be a whole number from 1 to {most}")
@@ -114,37 +112,20 @@ def plan_of(path: Path, found: Mapping[str, ModuleType]) -> SweepPlan:
     return SweepPlan(experiment, module, tuple(factors), tuple(runs))
 
 
-def _read(path: Path, found: Mapping[str, ModuleType]) -> tuple[str, Mapping[str, Any]]:
-    """(experiment, table [sweep]) of a file."""
-    try:
-        content = read_toml(path)
-    except FileNotFoundError:
-        others = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
-        raise InputError(f"{path}: there is no such file.{nearest(path.name, others)}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    experiment, table = content.get("experiment"), content.get(SWEEP)
-    if experiment not in found:
-        hint = nearest(str(experiment), found) if experiment else ""
-        what = f"experiment = {as_written(experiment)}" if experiment else "experiment is missing"
-        raise InputError(f"{path}: {what}, must be one of {', '.join(found)}.{hint}")
-    if not isinstance(table, Mapping):
-        what = "no table" if table else "missing"
-        raise InputError(f"{path}: {SWEEP} is {what}, must be a table, such as [{SWEEP}.grid]")
-    unknown = sorted(set(table) - set(KEYS))
-    if unknown:
-        hint = nearest(unknown[0], KEYS)
-        raise InputError(f"{path}: sweep.{as_written(unknown[0])}: unknown, must be one of {', '.join(KEYS)}.{hint}")
-    return str(experiment), table
-
-
 class _Planner:
     """Makes and checks the parameters of the runs of a file, which is read once."""
 
-    def __init__(self, path: Path, experiment: str, module: ModuleType, others: Mapping[str, set[str]]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        content: Mapping[str, Any],
+        experiment: str,
+        module: ModuleType,
+        others: Mapping[str, set[str]],
+    ) -> None:
         self.path, self.experiment, self.module = path, experiment, module
         self.mistakes: list[str] = []
-        self.of_file = read_for(path, experiment, module.Params.model_fields, others, self.mistakes)
+        self.of_file = read_for(path, experiment, module.Params.model_fields, others, self.mistakes, content)
         self.accepted: set[str] = set()  # parameters without their seeds
 
     def merged(self, point: Point) -> Params:
