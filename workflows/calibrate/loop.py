@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 from numpy.typing import NDArray
 
 from taichi_lsm.core.errors import InputError, SimulationError
@@ -144,8 +143,7 @@ def _line(problem: Problem, found: Calibration, number: int, made: int) -> str:
     parts = []
     for i, prior in enumerate(problem.priors):
         values = prior.at(found.posterior.shares[:, i])
-        mean = float(np.sum(found.posterior.weights * values))
-        deviation = float(np.sqrt(np.sum(found.posterior.weights * (values - mean) ** 2)))
+        mean, deviation = found.posterior.mean_and_deviation(values)
         parts.append(f"{prior.name} {mean:.3g} +- {deviation:.2g}")
     told = f", {lost} runs gave nothing" if lost else ""
     return f"batch {number}, {made} of {problem.points} points{told}: {', '.join(parts)}"

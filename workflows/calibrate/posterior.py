@@ -51,6 +51,11 @@ class Posterior:
         """Number of the likeliest point."""
         return int(np.argmax(self.log_likelihood))
 
+    def mean_and_deviation(self, values: NDArray) -> tuple[float, float]:
+        """Mean and standard deviation over the posterior of what is (n,) at its points."""
+        mean = float(np.sum(self.weights * values))
+        return mean, float(np.sqrt(np.sum(self.weights * (values - mean) ** 2)))
+
     def draws(self, count: int, seed: int) -> NDArray:
         """(count,) numbers of points, drawn by their weights at even spacing: systematic resampling.
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from workflows.calibrate.loop import Calibration
 from workflows.calibrate.posterior import misfits_of, variances_of
 from workflows.calibrate.study import Study
-from workflows.calibrate.verdicts import deviation_of
 from workflows.common.metrics import Metric
 from workflows.common.parameter_coordinates import RENAMED, unit_and_name
 
@@ -29,10 +28,10 @@ def metrics_of(study: Study, found: Calibration) -> dict[str, Metric]:
     for i, prior in enumerate(problem.priors):
         values = prior.at(posterior.shares[:, i])
         unit, _ = unit_and_name(type(study.base), prior.name)
-        mean = float(np.sum(posterior.weights * values))
+        mean, deviation = posterior.mean_and_deviation(values)
         name = RENAMED.get(prior.name, prior.name)  # as in all files: friction is a measured quantity
         metrics[name] = Metric(mean, unit, interval=interval_of(values, posterior.weights))
-        metrics[f"{name}_error"] = Metric(deviation_of(values, posterior.weights), unit)
+        metrics[f"{name}_error"] = Metric(deviation, unit)
     own, apart = variances_of(found.emulators, problem.targets)
     units = {name: unit for sample in found.samples for name, unit in sample.units.items()}
     best = posterior.best

@@ -32,7 +32,7 @@ def verdicts(
     if found:  # the posterior is that of the least bad parameters, and its place says nothing
         return
     for i, prior in enumerate(priors):
-        yield from _of_parameter(prior, posterior.shares[:, i], posterior.weights)
+        yield from _of_parameter(prior, posterior, posterior.shares[:, i])
 
 
 def out_of_reach(emulators: Emulators, posterior: Posterior, targets: Sequence[Target]) -> Iterator[str]:
@@ -74,18 +74,12 @@ def not_at_once(
     )
 
 
-def deviation_of(values: NDArray, weights: NDArray) -> float:
-    """Standard deviation of weighted values (n,)."""
-    mean = np.sum(weights * values)
-    return float(np.sqrt(np.sum(weights * (values - mean) ** 2)))
-
-
-def _of_parameter(prior: Prior, shares: NDArray, weights: NDArray) -> Iterator[str]:
+def _of_parameter(prior: Prior, posterior: Posterior, shares: NDArray) -> Iterator[str]:
     """That the targets do not constrain a parameter, or that they may want it beyond its prior."""
-    if deviation_of(shares, weights) > AS_WIDE * EVEN:
+    if posterior.mean_and_deviation(shares)[1] > AS_WIDE * EVEN:
         yield f"{prior.name} is not constrained by the targets: its posterior is as wide as its prior, {prior}"
         return
-    density, _ = np.histogram(shares, bins=round(1.0 / EDGE), range=(0.0, 1.0), weights=weights)
+    density, _ = np.histogram(shares, bins=round(1.0 / EDGE), range=(0.0, 1.0), weights=posterior.weights)
     for end, at_end in (("low", density[0]), ("high", density[-1])):
         if at_end > AGAINST * density.max():
             value = prior.at(np.array([0.0 if end == "low" else 1.0]))[0]
