@@ -328,7 +328,8 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
         trials += [Trial(**values) for values in found]
     of_layers, rows = physical(params, out, report)
     trials += of_layers
-    attributes = attributes_of(params, np.nan, "Accuracy against cost", "Errors and costs of settings, by parameter.")
+    title, summary = "Accuracy against cost", "Errors and costs of settings, by parameter."
+    attributes = attributes_of(params, title, summary, params.seed)
     table = write_trials(out / "accuracy.nc", trials, attributes)
     if rows:
         made_by = {"made_by": f"lsm accuracy-cost --preset {params.preset_name}", "rows": rows}

@@ -27,7 +27,7 @@ from workflows.common.refusals import check_idle, derived
 from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost, of_replicas
 from workflows.common.run_folder import Existing, is_begun, run_folder
-from workflows.common.run_table import write_runs
+from workflows.common.run_table import TIME_STEP, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.layer_metrics import worst_claims
 from workflows.plots import run_plots
@@ -58,7 +58,9 @@ COLUMNS = [
     lsm.Variable("layer_thickness", ("run",), "f64", "m", "mean distance of the platens' reference planes"),
     lsm.Variable("porosity", ("run",), "f64", "1", "mean share of the layer not filled by mobile grains"),
     lsm.Variable("coordination_number", ("run",), "f64", "1", "mean number of contacts of a mobile grain"),
-    lsm.Variable("sliding_fraction", ("run",), "f64", "1", "mean share of the contacts that slide"),
+    lsm.Variable(
+        "sliding_fraction", ("run",), "f64", "1", "mean share of the contacts that slide, by their friction law"
+    ),
 ]
 SEED = lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing")
 TEXTS = {
@@ -200,7 +202,7 @@ def _run(params: Params, out: Path, progress: Progress | None, resume: bool) -> 
 
 def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_status: str) -> xarray.Dataset:
     """Write compare.nc from the files of the runs, and return it; missing values are NaN."""
-    rows, steps, shared = [], [], []
+    rows, shared = [], []
     for label, of_run in runs.items():
         path = out / "runs" / label / "run.nc"
         dataset = lsm.open_run(path) if path.exists() else None
@@ -210,11 +212,11 @@ def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_
         row = {"shape": of_run.shape, "seed": of_run.seed, "path": f"runs/{label}", "status": status}
         metrics = shear_gouge.analyse(dataset, of_run) if dataset is not None and status == "complete" else {}
         row |= {v.name: number(metrics[v.name]) if metrics else np.nan for v in COLUMNS}
+        row["time_step"] = dataset.dt if dataset is not None else np.nan
         row["note"] = (metrics["friction_se"].note or "") if metrics else ""
         shared = parameter_coordinates(of_run, without=("shape", "seed", "stiffness_number"))  # the last is measured
         row |= {scalar.name: scalar.value for scalar in shared}
         rows.append(row)
-        steps += [dataset.dt] if dataset is not None else []
     title = "Friction of gouge of round and of angular grains"
     text = (
         f"One row per run of shear-gouge, {params.replicas} seeds for each shape, otherwise under the same conditions."
@@ -223,9 +225,8 @@ def collect(runs: dict[str, shear_gouge.Params], params: Params, out: Path, run_
     return write_runs(
         out / "compare.nc",
         rows,
-        [SEED, *COLUMNS, *numbers],
+        [SEED, *COLUMNS, TIME_STEP, *numbers],
         params,
-        min(steps, default=np.nan),
         title,
         text,
         parameters=("shape", "seed", *(scalar.name for scalar in shared)),

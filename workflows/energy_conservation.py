@@ -316,7 +316,6 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
         rows,
         numbers,
         params,
-        dt,
         title,
         summary,
         run_status="interrupted" if stop else "complete",
@@ -324,7 +323,8 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
         text={"scheme": "time integration", "purpose": "what the run is for"},
     )
     if "onset_verlet" in series:
-        lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes_of(params, dt, title, summary))
+        attributes = attributes_of(params, title, summary, params.seed, dt)
+        lsm.write_energies(out / "energy.nc", series["onset_verlet"], attributes)
     if stop:
         raise stop
     metrics = analyse(rows, params.dim)

@@ -229,7 +229,7 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
     flags = {"status": {"flag_values": list(range(len(STATUS))), "flag_meanings": " ".join(STATUS)}}
     title, summary = "Hard cases", "Cases that break codes of their kind, each with a measure and its bound."
     options = {"parameters": ("case", "precision"), "text": TEXTS, "extra_attributes": flags}
-    table = write_runs(out / "hard_cases.nc", rows, numbers, params, math.nan, title, summary, **options)
+    table = write_runs(out / "hard_cases.nc", rows, numbers, params, title, summary, **options)
     (out / "hard_cases.md").write_text(table_text(rows), encoding="utf-8")
     plot_cases(out / f"hard_cases.{params.format}", rows)
     metrics = analyse(rows)

@@ -294,13 +294,14 @@ def analyse(rows: Rows) -> dict[str, Metric]:
     slope, offset = np.polyfit(np.log(elements), np.log(column("clump", "shape_error")), 1)
     needed = float(np.exp((np.log(metrics["shape_error_patches_30"].value) - offset) / slope))
     far = needed > FARTHEST * elements.max()
-    metrics["discs_at_equal_error"] = Metric(None if far else needed, "1")
+    beyond = f"unknown: more than {FARTHEST:g} times the {elements.max()} discs that were fitted" if far else None
+    metrics["discs_at_equal_error"] = Metric(None if far else needed, "1", note=beyond)
     patches, clumps = column("patches", "cost"), column("clump", "cost")
     known = np.isfinite(clumps) & np.isfinite(patches)
     per_disc = np.polyfit(elements[known], clumps[known], 1) if known.sum() > 1 else (clumps[0] / elements[0], 0.0)
     cost = float(np.nanmax(patches[: at + 1])) if np.isfinite(patches[: at + 1]).any() else np.nan
     ratio = float(np.polyval(per_disc, needed) / cost)
-    metrics["cost_ratio_equal_error"] = Metric(None if far else ratio, "1")
+    metrics["cost_ratio_equal_error"] = Metric(None if far else ratio, "1", note=beyond)
     last = int(np.flatnonzero(np.append(True, known))[-1]) - 1 if known.any() else 0
     for kind in ("patches", "clump"):
         name = f"friction_{kind}_{elements[last]}"
@@ -346,13 +347,11 @@ def _run(params: Params, out: Path, parts: FinishedParts, progress: Progress | N
     rows, stop = measure(params, out, parts, progress)
     if stop and not rows:
         raise stop
-    dt = min((lsm.open_run(path).dt for path in (out / "runs").glob("*/run.nc")), default=np.nan)
     table = write_runs(
         out / "roughness.nc",
         rows,
         COLUMNS,
         params,
-        dt,
         "Grains of patches and clumps of discs at the same outline",
         "Shape error, friction and cost.",
         run_status="interrupted" if stop else "complete",

@@ -88,9 +88,9 @@ def require(condition: object, owner: object, field: str, value: object, allowed
 
 
 def finite(value: Any) -> bool:
-    """Whether `value` is one finite number; False for text, None, arrays and integers beyond all floats too."""
+    """Whether `value` is one finite number; False for text, None, bool, arrays, and integers beyond all floats too."""
     try:
-        return math.isfinite(value)
+        return math.isfinite(value) and not isinstance(value, bool)
     except (TypeError, OverflowError):
         return False
 

@@ -107,7 +107,8 @@ class Mindlin(Effect):
         """Refuse a scene without Hertz, or with one of other elastic constants."""
         mine = (self.youngs_modulus, self.poissons_ratio)
         found = [(e.youngs_modulus, e.poissons_ratio) for e in scene.effects if e.name == "hertz"]
-        require(found == [mine], self, "youngs_modulus, poissons_ratio", mine, f"those of Hertz in the scene, {found}")
+        there = f"those of Hertz in the scene, {found[0]}" if found else "those of Hertz, which the scene must list too"
+        require(found == [mine], self, "youngs_modulus, poissons_ratio", mine, there)
 
     def stable_dt(self, bodies: Bodies) -> float:
         """2/omega [s] with k_t at a depth of a tenth of the grain, as in `Hertz`."""

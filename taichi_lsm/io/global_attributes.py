@@ -53,8 +53,8 @@ def file_attributes(
     title: str,
     summary: str,
     config_toml: str,
-    seed: int,
-    dt: float,
+    seed: int | None,
+    dt: float | None,
     arch: str,
     precision: str,
     references: str = REFERENCES,
@@ -68,15 +68,16 @@ def file_attributes(
     config_toml
         The merged parameters as TOML text.
     seed
-        Random seed.
+        Random seed; None in a table of runs with several.
     dt
-        Time step [s].
+        Time step [s]; None in a table of runs, and of what has none.
     arch, precision
         Those of the runtime.
     references
         Papers that the data rest on.
     """
     version, created = package_version("taichi-lsm"), utc_now()
+    of_one_run = {"seed": seed, "dt": dt}
     return {
         "Conventions": "CF-1.11, ACDD-1.3",
         "title": title,
@@ -87,8 +88,7 @@ def file_attributes(
         "date_created": created,
         "id": str(uuid.uuid4()),
         "config_toml": config_toml,
-        "seed": int(seed),
-        "dt": float(dt),
+        **{name: value for name, value in of_one_run.items() if value is not None},
         "git_commit": git_commit(),
     }
 

@@ -35,6 +35,8 @@ def open_sweep(path: str | PathLike[str]) -> "Dataset":
         If it is no such file.
     """
     path = Path(path) / "sweep.nc" if Path(path).is_dir() else Path(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file, {EXPECTED}")
     table = open_run(path)
     try:
         factors = [(f["dim"], list(f["names"]), int(f["size"])) for f in json.loads(table.attrs["factors"])]

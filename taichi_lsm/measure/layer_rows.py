@@ -63,7 +63,7 @@ def layer_rows(bonded: bool = False) -> list[Variable]:
         ),
         series("contact_count", "1", "contacts with at least one mobile grain"),
         series("coordination_number", "1", "mean number of contacts of a mobile grain"),
-        series("sliding_fraction", "1", "share of the contacts that slide"),
+        series("sliding_fraction", "1", "share of the contacts that slide, by their friction law"),
         series("deepest_overlap", "1", "greatest overlap over its limit"),
         series("inertial_number", "1", "mean shear rate since the last row times diameter times sqrt(density/stress)"),
     ] + [

@@ -40,6 +40,8 @@ class Estimate(NamedTuple):
         Degrees of freedom of Student's t by which the interval is wider than that of a known error; inf if it is known.
     unknown
         Why the error is unknown, and what to do; "" if it is known.
+    runs
+        Number of runs that it is the mean of; 0 for the mean of a series, and for a difference.
     """
 
     mean: float
@@ -47,6 +49,7 @@ class Estimate(NamedTuple):
     effective_samples: float = math.nan
     degrees_of_freedom: float = math.inf
     unknown: str = ""
+    runs: int = 0
 
     @property
     def half_width(self) -> float:
@@ -67,6 +70,8 @@ class Estimate(NamedTuple):
         form = f".{len(error.partition('.')[2])}f" if plain else ".6g"
         low, high = self.interval
         count = "" if math.isnan(self.effective_samples) else f" ({self.effective_samples:.0f} effective samples)"
+        if self.runs:
+            count = f" ({self.runs} run{'s' if self.runs > 1 else ''})"
         return f"{self.mean:{form}} +- {error}, 95 % interval {low:{form}} to {high:{form}}{count}"
 
 
@@ -189,16 +194,16 @@ def combine_replicas(
     unknown = math.isnan(within[0])
     if count == 1:
         reason = "one run whose own error is unknown: shear it further, or run more" if unknown else ""
-        return Estimate(mean, *within, unknown=reason)
-    between = Estimate(mean, float(means.std(ddof=1)) / math.sqrt(count), count, count - 1.0)
+        return Estimate(mean, *within, reason, count)
+    between = Estimate(mean, float(means.std(ddof=1)) / math.sqrt(count), count, count - 1.0, runs=count)
     if unknown:
         reason = "all runs are equal: give them other seeds" if np.ptp(means) == 0 else ""
         if standard_errors is not None and count < LEAST_RUNS:
             reason = reason or f"{count} runs whose own errors are unknown, and which may agree by chance: run more"
-        return Estimate(mean, math.nan, count, math.nan, reason) if reason else between
+        return Estimate(mean, math.nan, count, math.nan, reason, count) if reason else between
     pooled = Estimate(mean, within[0], count, within[2])
     larger, half_width = max(between[1], pooled[1]), max(between.half_width, pooled.half_width)
-    return Estimate(mean, larger, count, _freedom(half_width / larger) if larger > 0 else math.inf)
+    return Estimate(mean, larger, count, _freedom(half_width / larger) if larger > 0 else math.inf, runs=count)
 
 
 def difference(a: Estimate, b: Estimate) -> Estimate:

@@ -258,6 +258,6 @@ def test_parameters_that_are_no_numbers_are_refused(name):
     cls = EFFECTS[name]
     good = {field.name: getattr(cls.cases()[0], field.name) for field in dataclasses.fields(cls)}
     for field in dataclasses.fields(cls):
-        for wrong in ("fast", [1.0], np.nan):
+        for wrong in ("fast", [1.0], np.nan, True):
             with pytest.raises(InputError, match=rf"{cls.__name__}\."):
                 cls(**good | {field.name: wrong})

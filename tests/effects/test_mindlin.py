@@ -174,6 +174,8 @@ def test_refusals():
     for others in ([lsm.LinearElastic(1.0)], [lsm.effects.Hertz(2 * E, NU)], []):
         with pytest.raises(lsm.InputError, match="those of Hertz"):
             scenes.scene(np.zeros((1, 3)), [*others, lsm.effects.Mindlin(MU, E, NU)])
+    with pytest.raises(lsm.InputError, match="those of Hertz, which the scene must list too"):
+        scenes.scene(np.zeros((1, 3)), [lsm.effects.Mindlin(MU, E, NU)])
     with pytest.raises(lsm.InputError, match=r"of friction, one may be listed"):
         scenes.scene(
             np.zeros((1, 3)), [lsm.effects.Hertz(E, NU), lsm.effects.Mindlin(MU, E, NU), lsm.CoulombFriction(MU, 1.0)]

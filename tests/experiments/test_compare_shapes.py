@@ -13,7 +13,7 @@ from tests.helpers.pictures import panels
 from workflows import compare_shapes, shear_gouge
 from workflows.common import signals
 from workflows.common.parameters import ParameterError, merge
-from workflows.gouge.layer_metrics import BOUNDS, worst_claims
+from workflows.gouge.layer_metrics import BOUNDS, _mean, worst_claims
 from workflows.plots import run_plots
 
 SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 0.4, "steady_from": 0.2}
@@ -82,6 +82,12 @@ def test_what_is_unknown_is_called_that_in_the_printed_table_with_the_reason():
     assert len(claims) == 4 and all(metrics[name].note == "no complete run" for name in claims)
 
 
+def test_a_mean_without_an_interval_says_why():
+    one, unknown = lsm.statistics.Estimate(0.2, 0.01), lsm.statistics.Estimate(0.2, np.nan, unknown="too few samples")
+    assert _mean(one, "1", "of all").note == "of all"
+    assert _mean(unknown, "1").note == "interval unknown: too few samples" and _mean(unknown, "1").interval is None
+
+
 def test_a_claim_that_a_run_does_not_meet_is_told_with_the_run():
     good = dict.fromkeys(BOUNDS, 1e-4)
     claims = worst_claims({"round-1": good, "angular-2": good | {"energy_residual": -0.02}})
@@ -106,6 +112,7 @@ def test_every_run_is_in_the_table(compared):
     out, table, reports = compared
     assert list(table["shape"].values) == ["round"] * 2 + ["angular"] * 2
     assert list(table.seed.values) == [1, 2, 1, 2]
+    assert not {"seed", "dt"} & set(table.attrs) and (table.time_step.values > 0.0).all()  # of one run only
     assert set(table.status.values) == {"complete"} and table.run_status == "complete"
     assert {"shape", "seed", "particle_friction", "target_normal_stress", "density"} <= set(table.coords)
     assert set(table.particle_friction.values) == {0.5} and set(table.length.values) == {10.0}

@@ -50,10 +50,12 @@ def test_soft_effects_for_angular_grains_are_refused_by_their_own_stiffness_numb
 
 def test_friction_is_named_by_the_effect_in_the_file(tmp_path):
     rates = lsm.effects.RateAndStateFriction(0.1, 0.01, 0.02, 1e-6, 1e-3, 1e5)
+    glass = [lsm.effects.Hertz(70e9, 0.3), lsm.effects.Mindlin(0.5, 70e9, 0.3)]
     found = {}
     for name, effects in (
         ("one", [lsm.CoulombFriction(0.4, 1e5)]),
         ("two", [rates]),
+        ("glass", glass),
         ("none", [lsm.LinearElastic(1e5)]),
     ):
         RunWriter(tmp_path / f"{name}.nc", RUN, attributes(), LABELS, effects=effects).close("complete")
@@ -61,6 +63,7 @@ def test_friction_is_named_by_the_effect_in_the_file(tmp_path):
     assert found == {
         "one": "Coulomb friction (coefficient 0.4)",
         "two": "rate and state friction (reference coefficient 0.1, direct effect 0.01, evolution effect 0.02)",
+        "glass": "Mindlin (coefficient 0.5, Young's modulus 7e+10 Pa, Poisson's ratio 0.3)",
         "none": "no friction",
     }
 

@@ -136,6 +136,8 @@ def test_strain_that_is_no_number_is_refused(strain):
         (Estimate(0.31234, 0.0040, 57.3), "0.312 +- 0.004, 95 % interval 0.305 to 0.320 (57 effective samples)"),
         (Estimate(0.31234, 0.0042, 8.0, 4.0), "0.3123 +- 0.0042, 95 % interval 0.3007 to 0.3240 (8 effective samples)"),
         (Estimate(12.34, 5.0, 2.0, 1.0), "12 +- 5, 95 % interval -51 to 76 (2 effective samples)"),
+        (combine_replicas([0.30, 0.31, 0.32]), "0.3100 +- 0.0058, 95 % interval 0.2852 to 0.3348 (3 runs)"),
+        (combine_replicas([0.3], [0.02]), "0.30 +- 0.02, 95 % interval 0.26 to 0.34 (1 run)"),
         (Estimate(-0.15, 0.05), "-0.15 +- 0.05, 95 % interval -0.25 to -0.05"),
         (Estimate(1.5e-8, 2e-9), "1.5e-08 +- 2e-09, 95 % interval 1.10801e-08 to 1.89199e-08"),
         (Estimate(math.nan, math.nan), "nan +- unknown"),
@@ -198,7 +200,7 @@ def test_runs_with_unknown_errors_count_by_their_means():
 
 
 def test_a_single_run_has_its_own_error_or_none():
-    assert combine_replicas([0.3], [0.01], [50]) == Estimate(0.3, 0.01, 1.0, 10.0)
+    assert combine_replicas([0.3], [0.01], [50]) == Estimate(0.3, 0.01, 1.0, 10.0, runs=1)
     alone = combine_replicas([0.3], [math.nan])
     assert math.isnan(alone.half_width) and "one run whose own error is unknown" in alone.unknown
     assert "all runs are equal" in combine_replicas([0.3, 0.3]).unknown

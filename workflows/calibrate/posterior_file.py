@@ -108,7 +108,7 @@ def _describe(tree: Any, study: Study, found: Calibration) -> None:
         f"Parameters that give {words}, from {len(found.emulators.residuals)} runs.",
         study.text,
         study.problem.seed,
-        math.nan,
+        None,
         base.arch,
         base.precision,
         REFERENCES,

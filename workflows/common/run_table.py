@@ -13,11 +13,14 @@ if TYPE_CHECKING:
     import xarray
 
 Rows = list[dict[str, Any]]  # of a table: one for each run, with equal keys
+TIME_STEP = lsm.Variable("time_step", ("run",), "f64", "s", "time step of the run")
 
 
-def attributes_of(params: Params, dt: float, title: str, summary: str) -> dict[str, Any]:
-    """Global attributes of a file of the experiment with these parameters; dt [s]: its smallest time step."""
-    return lsm.file_attributes(title, summary, to_toml(params), params.seed, dt, params.arch, params.precision)
+def attributes_of(
+    params: Params, title: str, summary: str, seed: int | None = None, dt: float | None = None
+) -> dict[str, Any]:
+    """Global attributes of a file of the experiment with these parameters; seed and dt [s] where all has the same."""
+    return lsm.file_attributes(title, summary, to_toml(params), seed, dt, params.arch, params.precision)
 
 
 def write_runs(
@@ -25,7 +28,6 @@ def write_runs(
     rows: Sequence[Mapping[str, Any]],
     variables: Sequence[Any],
     params: Params,
-    dt: float,
     title: str,
     summary: str,
     **options: Any,
@@ -40,13 +42,14 @@ def write_runs(
         One mapping per run, with equal keys.
     variables
         Schema rows of the numbers.
-    params, dt
-        Of the experiment; its smallest time step [s].
+    params
+        Of the experiment.
     title, summary
         Of the file.
     options
         See `lsm.write_table`, also for what it refuses.
     """
     columns = {name: [row[name] for row in rows] for name in rows[0]}
-    lsm.write_table(path, columns, variables, attributes_of(params, dt, title, summary), **options)
+    seed = None if "seed" in columns else params.seed
+    lsm.write_table(path, columns, variables, attributes_of(params, title, summary, seed), **options)
     return lsm.open_run(path)

@@ -71,10 +71,7 @@ def friction_words(run: xarray.Dataset) -> str:
     rows = [row for row in lsm.read_effects(run) if row.role == "friction"]
     if not rows:
         return "no friction"
-    numbers = [
-        f"{row.name.replace('_', ' ')} {row.value:g}" for row in rows if row.unit == "1" and row.value == row.value
-    ]
-    return f"{effect_words(rows[0].effect)} ({', '.join(numbers)})"
+    return f"{effect_words(rows[0].effect)} ({_number_words([row for row in rows if row.unit in ('1', 'Pa')])})"
 
 
 def other_effects(run: xarray.Dataset) -> str:
@@ -89,10 +86,17 @@ def other_effects(run: xarray.Dataset) -> str:
 
 def _with_elasticity(name: str, rows: Sequence[Any]) -> str:
     """The name of an effect in words, of elasticity with its moduli: "Hertz (Young's modulus 7e+10 Pa, ...)"."""
-    own = [row for row in rows if row.effect == name and row.role == "elasticity" and row.value == row.value]
-    numbers = [f"{row.name.replace('_', ' ')} {row.value:g}{'' if row.unit == '1' else f' {row.unit}'}" for row in own]
-    words = ", ".join(numbers).replace("youngs", "Young's").replace("poissons", "Poisson's")
+    words = _number_words([row for row in rows if row.effect == name and row.role == "elasticity"])
     return effect_words(name) + (f" ({words})" if words else "")
+
+
+def _number_words(rows: Sequence[Any]) -> str:
+    """The numbers of an effect with their units: "coefficient 0.5, Young's modulus 7e+10 Pa"."""
+    known = [row for row in rows if row.value == row.value]
+    numbers = [
+        f"{row.name.replace('_', ' ')} {row.value:g}{'' if row.unit == '1' else f' {row.unit}'}" for row in known
+    ]
+    return ", ".join(numbers).replace("youngs", "Young's").replace("poissons", "Poisson's")
 
 
 def effect_words(name: str) -> str:

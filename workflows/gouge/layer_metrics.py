@@ -33,7 +33,10 @@ REMEDIES = {  # what it means if such a claim does not hold, and what to change
     "normal_stress_rms": "the normal stress fluctuates: lower --inertial-number, or raise --length",
 }
 STEADY = {"layer_thickness": "m", "porosity": "1", "coordination_number": "1", "sliding_fraction": "1"}  # units
-NOTES = {"energy_residual": "greatest energy residual over the throughput of work"}
+NOTES = {
+    "energy_residual": "greatest energy residual over the throughput of work",
+    "sliding_fraction": "contacts at the limit of friction, or of rate-and-state friction at V_0 or faster",
+}
 PLAIN = str.maketrans("", "", "[]'")  # a list of labels as text
 NO_STIFFNESS = "unknown: none of the effects has a stiffness"
 
@@ -72,7 +75,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "energy_residual": _residual(sheared),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),
-        **{name: _mean(estimate(name), unit) for name, unit in STEADY.items()},
+        **{name: _mean(estimate(name), unit, NOTES.get(name)) for name, unit in STEADY.items()},
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
     metrics |= _breakage(sheared) | _spring(params)
@@ -111,10 +114,12 @@ def _claimed(name: str, metric: Metric) -> Metric:
     return Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
 
 
-def _mean(estimate: lsm.statistics.Estimate, unit: str) -> Metric:
-    """A mean with its 95 % interval, where that is known."""
+def _mean(estimate: lsm.statistics.Estimate, unit: str, note: str | None = None) -> Metric:
+    """A mean with its 95 % interval, or why that is unknown."""
     known = np.isfinite(estimate.standard_error)
-    return Metric(float(estimate.mean), unit, interval=estimate.interval if known else None)
+    notes = (note or "", "" if known else f"interval unknown: {estimate.unknown}")
+    said = "; ".join(filter(None, notes))
+    return Metric(float(estimate.mean), unit, interval=estimate.interval if known else None, note=said)
 
 
 def sheared_rows(dataset: xarray.Dataset) -> xarray.Dataset:

@@ -16,7 +16,7 @@ from workflows.common.parameter_coordinates import columns_of, parameter_coordin
 from workflows.common.refusals import derived
 from workflows.common.reports import Progress
 from workflows.common.run_folder import Existing, run_folder
-from workflows.common.run_table import write_runs
+from workflows.common.run_table import TIME_STEP, write_runs
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import target_error
 from workflows.gouge.layer_metrics import BOUNDS, worst_claims
@@ -126,23 +126,23 @@ def collect(
 
     The target error is that of the experiment: the runs themselves have none.
     """
-    rows, steps = [], []
+    rows = []
     wanted = [scalar for scalar in parameter_coordinates(params) if scalar.name == "target_error"]
     shared = wanted
     for label, of_run in runs.items():
         dataset = lsm.open_run(out / "runs" / label / "run.nc")
         metrics = analyse(dataset, of_run)
         shared = parameter_coordinates(of_run, without=("seed", "target_error")) + wanted
-        row = {"seed": of_run.seed, "path": f"runs/{label}"} | {scalar.name: scalar.value for scalar in shared}
+        row = {"seed": of_run.seed, "path": f"runs/{label}", "time_step": dataset.dt} | {
+            scalar.name: scalar.value for scalar in shared
+        }
         rows.append(row | {name: number(metrics[name]) for name in ("friction_mean", "friction_se")})
-        steps.append(dataset.dt)
     numbers, texts = columns_of(shared)
     return write_runs(
         out / "target.nc",
         rows,
-        [*COLUMNS, *numbers],
+        [*COLUMNS, TIME_STEP, *numbers],
         params,
-        min(steps),
         "Friction of a layer to a wanted error",
         f"Runs that were planned for an error of {params.target_error:g} of the mean friction.",
         parameters=("seed", *(scalar.name for scalar in shared)),

@@ -62,6 +62,8 @@ def plot_sweep(
     InputError
         If there is no such sweep, metric or parameter, or nothing to draw.
     """
+    if not (folder / "sweep.nc").is_file():
+        raise lsm.InputError(f"{folder}: no sweep.nc in it, must be the folder of a sweep (lsm sweep)")
     table = lsm.open_run(folder / "sweep.nc")
     choice = choose(table, metric, against, colour, facet)
     found = estimates(table, choice)

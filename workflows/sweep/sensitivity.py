@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -113,7 +112,7 @@ def write_sensitivity(folder: Path, study: xarray.Dataset, found: Mapping[str, I
         f"Indices of Sobol from the runs of {study.attrs.get('experiment', 'a sweep')}.",
         str(study.attrs.get("config_toml", "")),
         int(study.attrs.get("seed", 0)),
-        math.nan,
+        None,
         str(study.attrs.get("arch", "cpu")),
         str(study.attrs.get("precision", "f64")),
         REFERENCES,

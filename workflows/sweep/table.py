@@ -59,7 +59,7 @@ def write_sweep(plan: SweepPlan, out: Path, ended: Mapping[str, Outcome], text: 
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     title = f"Sweep of {len(rows)} runs of {plan.experiment}"
     summary = f"Varied: {', '.join(plan.varied) or 'nothing'}. One row per run, nan where it gave no result."
-    attributes = lsm.file_attributes(title, summary, text, known.seed, math.nan, known.arch, known.precision)
+    attributes = lsm.file_attributes(title, summary, text, None, None, known.arch, known.precision)
     factors = [
         {
             "dim": RENAMED.get(f.dim, f.dim),

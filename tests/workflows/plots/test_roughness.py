@@ -83,6 +83,15 @@ def test_intervals_below_zero_are_inside_the_panel(tmp_path, pictures):
     assert friction.get_ylim()[0] < 0.1 - 10 * HALF_WIDTH and friction.get_ylim()[1] > 0.1 + 10 * HALF_WIDTH
 
 
+def test_an_error_that_clumps_do_not_reach_is_unknown_and_said_so():
+    """Clumps whose error hardly falls would need more than ten times as many discs: no number is made up."""
+    patches = rows_of(("patches",), shape_error=1e-6, roughness=1e-6)
+    clumps = [row | {"shape_error": 1e-2 / row["elements"] ** 0.1} for row in rows_of(("clump",), roughness=1e-3)]
+    metrics = shape_roughness.analyse(patches + clumps)
+    for name in ("discs_at_equal_error", "cost_ratio_equal_error"):
+        assert metrics[name].value is None and metrics[name].note.startswith("unknown: more than 10 times the ")
+
+
 def test_every_metric_of_the_roughness_says_what_it_is():
     names = ("shape_error_clump_30", "roughness_patches_30", "discs_at_equal_error", "cost_ratio_equal_error")
     notes = [shape_roughness.note_of(name, np.array([12, 30])) for name in (*names, "friction_clump_12_se")]

@@ -114,7 +114,7 @@ def test_mistakes_are_named(tmp_path, capsys, given, message):
 
 
 def test_what_is_no_sweep_or_has_no_result_is_refused(tmp_path):
-    with pytest.raises(lsm.InputError, match=r"sweep.nc: no such file"):
+    with pytest.raises(lsm.InputError, match=r"no sweep\.nc in it, must be the folder of a sweep"):
         plot_sweep(tmp_path)
     write_sweep_table(tmp_path, [FRICTION], failed=range(4))
     with pytest.raises(lsm.InputError, match="no run has a value of it"):
