@@ -13,8 +13,6 @@ from workflows.common.small_scenes import scene_of
 from workflows.hard import Bench, error_of_impact, hard
 
 STIFFNESS = 1e8  # [N m-1]: overlaps of a thousandth of a diameter at 1 m/s
-G = 10.0  # [m s-2]
-ROCKING = 10.0  # damping of all motion of a stack [s-1]
 CROWD = 30  # grains
 FLAT = 2e-3  # bound in f32 where faces touch: 1e-6 m, the rounding of radii of 10 m, is 6e-4 of the overlaps
 CELL = 7.0  # side of the periodic square of a crowd [m]
@@ -262,34 +260,3 @@ def gas_of_stars(bench: Bench) -> float:
     Where one is used in place of the other, a contact is looked for too late, and arms pass through each other.
     """
     return worst_error(bench, stars(), 200_000, 10_000)
-
-
-def stack(count: int = 4) -> lsm.Scene:
-    """Flat slabs on each other above a floor, a thousandth of a diameter apart, with friction and damping.
-
-    Their faces bulge a little; without a damping of all motion they would rock on them for ever, as they should.
-    """
-    slab = box(4.0, 1.0)
-    height = 2.0 * rotated_outline(slab, 0.0)[:, 1].max()
-    middle = (np.arange(count) + 0.5) * (height + 1e-3) + 1e-3
-    position = np.stack([np.zeros(count), middle], axis=1)
-    effects = [
-        lsm.LinearElastic(STIFFNESS),
-        lsm.ViscousDamping(restitution=0.3),
-        lsm.CoulombFriction(0.5, 0.5 * STIFFNESS),
-        lsm.Gravity((0.0, -G)),
-        lsm.effects.GlobalDamping(ROCKING),
-    ]
-    floor = lsm.PlaneWall("floor", (0.0, 0.0), (0.0, 1.0))
-    return scene_of(position, effects, shapes=[slab], angle=np.zeros(count), walls=[floor])
-
-
-@hard("Stack of slabs at rest, face on face", "kinetic energy over weight times diameter", 1e-12, f32_bound=1e-9)
-def stack_at_rest(bench: Bench) -> float:
-    """Large faces that rest on each other.
-
-    The contact may wander from end to end and rock the stack for ever, or let it creep.
-    """
-    sim = bench.simulate(stack())
-    sim.run(bench.steps(400_000, 40_000))
-    return lsm.energies(sim).kinetic / (1000.0 * np.pi / 4.0 * G)
