@@ -18,7 +18,7 @@ from workflows.gouge.labels import (
     shape_words,
     spring_words,
 )
-from workflows.gouge.parameters import SPRINGS
+from workflows.gouge.layer_parameters import SPRINGS
 
 HERTZ = {"name": "hertz", "youngs_modulus": 70e9, "poissons_ratio": 0.3}
 GLASS = (70e9 / 5e6) ** (2.0 / 3.0)  # stiffness number of glass at 5 MPa, 580.9

@@ -19,6 +19,7 @@ from workflows.common.discovery import find_workflows
 from workflows.common.metrics import read_summary
 from workflows.common.parameters import merge
 from workflows.common.run_folder import is_complete
+from workflows.gouge import layer_run
 from workflows.plots import run_plots
 
 # Smallest runs of the experiments; one that is not named here has parameters that need no telling.
@@ -182,11 +183,11 @@ def test_a_run_that_is_killed_before_its_summary_keeps_its_times(sheared, tmp_pa
         shear_gouge.run(params.model_copy(update={"steady_from": 0.25}), out, existing="resume")
     assert read_summary(out) == before
     order = []
-    monkeypatch.setattr(shear_gouge, "build", lambda *_: SimpleNamespace())
+    monkeypatch.setattr(layer_run, "build", lambda *_: SimpleNamespace())
     monkeypatch.setattr(lsm, "Simulation", lambda *_: SimpleNamespace(dt=1.0, keep_checkpoints=lambda *a, **k: None))
     monkeypatch.setattr(lsm, "ShearedLayer", lambda *_: SimpleNamespace(thickness=1.0))
-    monkeypatch.setattr(shear_gouge, "_record", lambda *_: SimpleNamespace(grain_steps_per_second=1.0))
-    monkeypatch.setattr(shear_gouge, "_conclude", lambda *_: order.append("summary"))
+    monkeypatch.setattr(layer_run, "_record", lambda *_: SimpleNamespace(grain_steps_per_second=1.0))
+    monkeypatch.setattr(layer_run, "_conclude", lambda *_: order.append("summary"))
     monkeypatch.setattr(lsm.checkpoints, "remove_checkpoints", lambda _: order.append("removed"))
     shear_gouge.run(params, out, existing="overwrite")
     assert order == ["summary", "removed"]

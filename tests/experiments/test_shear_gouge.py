@@ -11,7 +11,7 @@ from tests.helpers.output_files import check_described
 from workflows import shear_gouge
 from workflows.common.parameters import ParameterError, merge, to_toml
 from workflows.common.refusals import in_terms_of
-from workflows.gouge import initial_grains, layer_scene
+from workflows.gouge import initial_grains, layer_run, layer_scene
 
 SHAPES = ("sphere", "angular")
 
@@ -327,7 +327,7 @@ def test_a_layer_on_a_soft_spring_sticks_and_slips(tmp_path):
 def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeypatch):
     _, params, complete = sheared("sphere")
 
-    class Diverging(shear_gouge.RunLoop):
+    class Diverging(layer_run.RunLoop):
         def _begin(self, stage):
             super()._begin(stage)
             if stage.name == "shear":
@@ -335,7 +335,7 @@ def test_a_run_that_diverges_leaves_files_that_say_so(sheared, tmp_path, monkeyp
                 velocity[3] = 1e4 * params.diameter / params.inertial_time
                 self.sim.state.velocity.from_numpy(velocity)
 
-    monkeypatch.setattr(shear_gouge, "RunLoop", Diverging)
+    monkeypatch.setattr(layer_run, "RunLoop", Diverging)
     with pytest.raises(lsm.SimulationError, match=r"grain 3 moves by .* use dt <=") as stopped:
         shear_gouge.run(params, tmp_path)
     assert stopped.value.grains == (3,) and [p.name for p in stopped.value.saved] == ["stopped.nc", "checkpoint.nc"]

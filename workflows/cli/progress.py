@@ -154,6 +154,8 @@ def format_line(report: dict) -> str:
     if "strain" in value:
         total = f"/{value['strain_total']:.2f}" if "strain_total" in value else ""
         parts.append(f"strain {value['strain']:.2f}{total}")
+    if "share" in value:
+        parts.append(f"{100 * value['share']:.0f} %")
     if "friction" in value:
         parts.append(f"mu {value['friction']:.2f}")
     if "normal_stress" in value:

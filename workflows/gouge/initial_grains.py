@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import taichi_lsm as lsm
 from workflows.common.refusals import in_terms_of
 from workflows.common.reports import Progress
-from workflows.gouge.parameters import Params
+from workflows.gouge.layer_parameters import LayerParams
 
 if TYPE_CHECKING:
     from taichi_lsm.shapes import GrainShape
@@ -53,7 +53,7 @@ class MobileGrains(NamedTuple):
     bonds: NDArray | None
 
 
-def least_cell(params: Params, across: float, what: str) -> None:
+def least_cell(params: LayerParams, across: float, what: str) -> None:
     """Refuse a periodic cell in which a grain `across` [m] could touch two images of another one.
 
     Raises
@@ -73,7 +73,7 @@ def least_cell(params: Params, across: float, what: str) -> None:
 
 
 def whole_grains(
-    params: Params,
+    params: LayerParams,
     rng: np.random.Generator,
     count: int,
     platens: "Platens",
@@ -124,7 +124,7 @@ def _making_shapes(progress: Progress | None, total: int) -> Callable[[int], Non
 
 
 def breakable_grains(
-    params: Params,
+    params: LayerParams,
     rng: np.random.Generator,
     count: int,
     platens: "Platens",
@@ -172,7 +172,7 @@ class Unplaced(NamedTuple):
 
 
 def _between(
-    params: Params, rng: np.random.Generator, grains: Unplaced, platens: "Platens"
+    params: LayerParams, rng: np.random.Generator, grains: Unplaced, platens: "Platens"
 ) -> tuple[NDArray, tuple[float, float]]:
     """Places of grains (n, dim) [m] without overlap, and the heights [m] of the platens below and above them."""
     p, lengths = params, params.layer[1]

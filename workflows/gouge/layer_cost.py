@@ -10,9 +10,9 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.common.run_cost import PROCESS_BYTES, RunCost
 from workflows.common.small_scenes import scene_of
+from workflows.gouge.expected_shear import expected
+from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_scene import LARGEST_SPEED, effects_of, mobile_count, stand_in
-from workflows.gouge.parameters import Params
-from workflows.gouge.shear_stages import expected
 
 TABLE = "layer_costs.json"  # made by workflows/accuracy/prices.py
 GRAIN_BYTES = {("round", 2): 1.2e3, ("angular", 2): 2.0e3, ("round", 3): 1.5e3, ("angular", 3): 4.0e3}
@@ -31,12 +31,12 @@ def price_of(shape: str, dim: int) -> dict[str, float]:
     return next(row for row in rows if (row["shape"], row["dim"]) == (shape, dim))
 
 
-def start_seconds(params: Params) -> float:
+def start_seconds(params: LayerParams) -> float:
     """Measured time of the start of such a layer [s], most of which is compiling; it cannot be interrupted to tell."""
     return price_of("angular" if params.shape == "angular" else "round", params.dim)["start_seconds"]
 
 
-def layer_cost(params: Params) -> RunCost:
+def layer_cost(params: LayerParams) -> RunCost:
     """Expected steps, time and memory of one run of a layer; the time is that of a first run, which compiles."""
     p, shape = params, "angular" if params.shape == "angular" else "round"
     kind = (shape, p.dim)
@@ -56,7 +56,7 @@ def layer_cost(params: Params) -> RunCost:
     return RunCost(steps, seconds, PROCESS_BYTES + GRAIN_BYTES[kind] * grains)
 
 
-def expected_step(params: Params) -> float:
+def expected_step(params: LayerParams) -> float:
     """Time step [s] of two grains of the least size, whose frequencies bound those of the layer."""
     p = params
     size = p.smallest_diameter / (p.pieces**0.5 if p.breakable else 1.0)

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import taichi_lsm as lsm
+from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_scene import shear_drive
-from workflows.gouge.parameters import Params
 
 SHEAR_RATE, NORMAL_STRESS = "shear_rate", "normal_stress"
 
@@ -24,7 +24,7 @@ class LayerDrives:
         Of the run.
     """
 
-    def __init__(self, params: Params, sim: lsm.Simulation) -> None:
+    def __init__(self, params: LayerParams, sim: lsm.Simulation) -> None:
         self.params = params
         self.platens: Any = sim.platens  # the attributes depend on the class of the drive
 

@@ -9,6 +9,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, metrics_of_estimate
+from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.parameters import Params
 from workflows.gouge.staged_metrics import stage_metrics
 from workflows.protocol.stage_tables import RESERVED
@@ -52,8 +53,8 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         Of that run.
     """
     sheared = sheared_rows(dataset)
-    if params.stages:
-        return _staged(dataset, sheared, params)
+    if params.staged:
+        return stage_metrics(sheared) | quality_metrics(dataset, params)
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     platen = lsm.statistics.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
@@ -82,12 +83,13 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     return metrics | {name: _claimed(name, metrics[name]) for name in BOUNDS}
 
 
-def _staged(dataset: xarray.Dataset, sheared: xarray.Dataset, params: Params) -> dict[str, Metric]:
-    """Metrics of a run through stages, whose rows are of no steady state."""
+def quality_metrics(dataset: xarray.Dataset, params: LayerParams) -> dict[str, Metric]:
+    """What every run through stages tells beside its results: how far it went, its contacts, budget and spring."""
+    sheared, cycles = sheared_rows(dataset), int(dataset.cycle.max())
+    words = "repetitions of the stages that are repeated"
     return {
-        **stage_metrics(sheared),
+        **({"cycles": Metric(cycles, "1", note=words)} if cycles else {}),
         "shear_strain": Metric(float(sheared.shear_strain[-1]), "1", note="of all stages"),
-        "cycles": Metric(int(sheared.cycle.max()), "1", note="repetitions of the stages that are repeated"),
         "stiffness_number": _stiffness(dataset),
         "energy_residual": _claimed("energy_residual", _residual(sheared)),
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
@@ -166,7 +168,7 @@ def _breakage(sheared: xarray.Dataset) -> dict[str, Metric]:
     }
 
 
-def _spring(params: Params) -> dict[str, Metric]:
+def _spring(params: LayerParams) -> dict[str, Metric]:
     """The spring of the load point in its three units, beside the contacts and the area; {} at an imposed velocity."""
     p = params
     if p.spring is None:

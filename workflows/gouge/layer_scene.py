@@ -12,8 +12,9 @@ from workflows.common.parameters import option_name
 from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.reports import Progress
 from workflows.common.small_scenes import scene_of
+from workflows.gouge.expected_shear import expected
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
-from workflows.gouge.parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, SPRINGS, Params
+from workflows.gouge.layer_parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, SPRINGS, LayerParams
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +32,7 @@ LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
 
 
-def check(params: Params) -> None:
+def check(params: LayerParams) -> None:
     """Refuse parameters that are sure to fail, before any grain is made.
 
     Raises
@@ -48,7 +49,7 @@ def check(params: Params) -> None:
     _check_effects(p)
 
 
-def _check_effects(p: Params) -> None:
+def _check_effects(p: LayerParams) -> None:
     """Refuse effects that cannot act together, or not on grains of this shape and dimension."""
     effects = effects_of(p)
     with in_terms_of("effects", EFFECTS_HELP):
@@ -76,7 +77,7 @@ def stand_in(shape: str, dim: int) -> GrainShape:
     return lsm.shapes.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.5), 0.1)
 
 
-def mobile_count(params: Params) -> int:
+def mobile_count(params: LayerParams) -> int:
     """Number of mobile grains: as given, or as many as give the consolidated layer its thickness."""
     thickness, lengths = params.layer
     one = lsm.disc() if params.dim == 2 else lsm.sphere()
@@ -84,7 +85,7 @@ def mobile_count(params: Params) -> int:
     return params.grains or round(filled / (one.measure * params.diameter**params.dim))
 
 
-def _check_count(p: Params) -> None:
+def _check_count(p: LayerParams) -> None:
     """Refuse layers of more grains, mobile and glued, than a process can hold."""
     least = p.platen_roughness * p.smallest_diameter
     # In 3D the columns of a platen lie closer where sizes differ much, so that none passes: see rough_platen.
@@ -102,7 +103,7 @@ def _check_count(p: Params) -> None:
         )
 
 
-def build(params: Params, progress: Progress | None = None, shapes: Sequence[GrainShape] = ()) -> lsm.Scene:
+def build(params: LayerParams, progress: Progress | None = None, shapes: Sequence[GrainShape] = ()) -> lsm.Scene:
     """The scene before consolidation: bottom platen, mobile grains, top platen.
 
     Parameters
@@ -168,7 +169,7 @@ def build(params: Params, progress: Progress | None = None, shapes: Sequence[Gra
     return scene
 
 
-def _servo(p: Params, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
+def _servo(p: LayerParams, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
     """The servo of the normal stress, for diameters [m] of the mobile grains and of those of the top platen."""
     d, (thickness, lengths) = p.diameter, p.layer
     one = lsm.disc() if p.dim == 2 else lsm.sphere()
@@ -183,15 +184,16 @@ def _servo(p: Params, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
     )
 
 
-def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
+def _check_steps(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
     """Refuse runs of too many steps, and a spring of the load point that is too stiff for the step."""
     dt = scene.chosen_dt()
-    steps = p.strain * p.inertial_time / (p.inertial_number * dt)
+    _, shear_time = expected(p)
+    steps = shear_time * p.inertial_time / dt
     if not steps <= MOST_STEPS:
         raise lsm.InputError(
-            f"--strain {p.strain:g}, --inertial-number {p.inertial_number:g}: the run would have {steps:.2g} steps of "
-            f"{dt:.2g} s, must be <= {MOST_STEPS:g}; lower --strain or --stiffness-number {p.stiffness_number:g}, or "
-            f"raise --inertial-number or --step-safety {p.step_safety:g}"
+            f"{p.how_far()}, --inertial-number {p.inertial_number:g}: the run would have {steps:.2g} "
+            f"steps of {dt:.2g} s, must be <= {MOST_STEPS:g}; shear less far, lower --stiffness-number "
+            f"{p.stiffness_number:g}, or raise --inertial-number or --step-safety {p.step_safety:g}"
         )
     most = inertia / dt**2
     if p.spring and p.spring > most:
@@ -203,7 +205,7 @@ def _check_steps(scene: lsm.Scene, p: Params, inertia: float) -> None:
         )
 
 
-def effects_of(params: Params) -> list[Effect]:
+def effects_of(params: LayerParams) -> list[Effect]:
     """Effects of the contacts: elastic, damped, frictional; a given effect replaces the default of its kind."""
     p = params
     usual = [
@@ -217,7 +219,7 @@ def effects_of(params: Params) -> list[Effect]:
     return [effect for effect in usual if (effect.role or effect.phase) not in taken] + given
 
 
-def _bond(p: Params) -> lsm.effects.ElasticBrittleBond:
+def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
     """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
     return lsm.effects.ElasticBrittleBond(
         youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
@@ -229,7 +231,7 @@ def _bond(p: Params) -> lsm.effects.ElasticBrittleBond:
 
 
 def shear_drive(
-    params: Params, velocity: float, inertia: float, change: float = 0.0
+    params: LayerParams, velocity: float, inertia: float, change: float = 0.0
 ) -> lsm.SpringLoadPoint | lsm.ConstantVelocity:
     """The drive of the top platen along the shear.
 

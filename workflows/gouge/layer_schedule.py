@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_scene import LARGEST_SPEED
-from workflows.gouge.parameters import Params
 from workflows.gouge.shear_stages import shear_stages
 from workflows.protocol.conditions import Settled
 from workflows.protocol.schedule import Spacing, Stage
@@ -14,7 +14,7 @@ SETTLING_SAMPLES = 4  # in each of them
 CONSOLIDATE = "consolidate"
 
 
-def layer_schedule(params: Params, dt: float, thickness: float) -> list[Stage]:
+def layer_schedule(params: LayerParams, dt: float, thickness: float) -> list[Stage]:
     """The stages of one run.
 
     Parameters

@@ -6,8 +6,6 @@
 from __future__ import annotations
 
 import os
-import textwrap
-import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,8 +13,7 @@ from typing import Any
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.common.metrics import shown
-from workflows.gouge.labels import effect_words, friction_words, grains_of_run, other_effects, shape_words, spring_words
+from workflows.gouge.labels import effect_words, shape_words, spring_words
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published, draw_seeds
@@ -37,12 +34,10 @@ from workflows.plots.layer_pictures import (
     read_snapshot,
     section_words,
 )
+from workflows.plots.run_titles import conditions, params_of, title_of, wrapped
 from workflows.plots.slip_and_breakage import draw_breakage, draw_spring
 
-TITLE_LINE = 130  # letters that a line of a figure's title has space for
-NO_BREAK = "\N{NO-BREAK SPACE}"
 MOST_LISTED = 4  # grains that a title names
-KEPT_TOGETHER = 60  # letters between two commas of a title that stay in one line
 
 
 def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
@@ -52,7 +47,7 @@ def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
     """
     out, path = Path(out), Path(out) / f"run.{kind}"
     dataset = lsm.open_run(out / "run.nc")
-    params, sheared = _params(dataset), sheared_rows(dataset)
+    params, sheared = params_of(dataset), sheared_rows(dataset)
     more = [draw_spring] * bool(spring_words(params)) + [draw_breakage] * ("bond_count" in sheared)
     places = "ab;cd" + ("", ";ee", ";ef")[len(more)]
     with figure_at(path, (11, 12 if more else 8)) as figure:
@@ -69,7 +64,7 @@ def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
         _draw_energy(energy, sheared)
         for letter, draw in zip("ef", more):
             draw(panels[letter], sheared, letter)
-        figure.suptitle(wrapped(_conditions(params, sheared, grains_of_run(dataset, params))))
+        figure.suptitle(title_of(dataset))
     return path
 
 
@@ -119,7 +114,7 @@ def plot_comparison(out: str | os.PathLike[str], kind: str = "png") -> Path:
         curves, published = upper.subplots(1, 2, width_ratios=(1.35, 1))
         found = {shape: _estimate(table, shape) for shape in series}
         of_shapes = {shape: curves_of([sheared_rows(run) for run in runs]) for shape, runs in series.items()}
-        since = next((_params(runs[0]).steady_from for runs in series.values()), 0.0)
+        since = next((params_of(runs[0]).steady_from for runs in series.values()), 0.0)
         draw_comparison(curves, of_shapes, found, since, dim)
         draw_published(published, found, dim, {shape: _complete(table, shape).friction_mean.values for shape in series})
         figure.set_label("; ".join(f"{shape_words(shape, dim)}: {estimate_text(e)}" for shape, e in found.items()))
@@ -140,7 +135,7 @@ def plot_comparison(out: str | os.PathLike[str], kind: str = "png") -> Path:
             draw_colour_bar(lower, drawn, ax=layers, aspect=30)
             one = next(iter(series.values()))[0]
             grains = " and of ".join(shape_words(shape, dim) for shape in series)
-            figure.suptitle(wrapped(_conditions(_params(one), sheared_rows(one), grains)))
+            figure.suptitle(wrapped(conditions(params_of(one), sheared_rows(one), grains)))
     return path
 
 
@@ -149,7 +144,7 @@ def plot_target(out: str | os.PathLike[str], error: float, kind: str = "png") ->
     out, path = Path(out), Path(out) / f"friction.{kind}"
     table = lsm.open_run(out / "target.nc")
     runs = [lsm.open_run(out / folder / "run.nc") for folder in table.path.values]
-    params, mean = _params(runs[0]), float(table.friction_mean.mean())
+    params, mean = params_of(runs[0]), float(table.friction_mean.mean())
     found = SimpleNamespace(mean=mean, half_width=error, interval=(mean - error, mean + error))
     with figure_at(path, (11, 4.6)) as figure:
         curves, seeds = figure.subplots(1, 2, width_ratios=(1.35, 1))
@@ -157,7 +152,7 @@ def plot_target(out: str | os.PathLike[str], error: float, kind: str = "png") ->
         draw_comparison(curves, of_shape, {params.shape: found}, params.steady_from, params.dim)
         draw_seeds(seeds, table, found, float(table.target_error[0]), COLOUR[params.shape])
         grains = shape_words(params.shape, params.dim)
-        figure.suptitle(wrapped(_conditions(params, sheared_rows(runs[0]), grains)))
+        figure.suptitle(wrapped(conditions(params, sheared_rows(runs[0]), grains)))
     return path
 
 
@@ -170,11 +165,6 @@ def say_why_none(axes: Any, table: Any, shape: str, dim: int, letter: str) -> No
     axes.set_axis_off()
 
 
-def _params(dataset):
-    """The parameters of a run of shear-gouge, as stored in its file."""
-    return SimpleNamespace(**tomllib.loads(dataset.config_toml))
-
-
 def _complete(table, shape):
     """The complete runs of a shape."""
     return table.isel(run=((table["shape"] == shape) & (table.status == "complete")).values)
@@ -183,47 +173,6 @@ def _complete(table, shape):
 def _estimate(table, shape):
     own = _complete(table, shape)
     return lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values, own.friction_ess.values)
-
-
-def wrapped(text: str, width: int = TITLE_LINE) -> str:
-    """A title in lines that the figure has space for, of about equal length, cut at commas where that can be done."""
-    lines = -(-len(text) // width)
-    # Letters that do not break hold together what stands between two commas, such as a number and its unit.
-    clauses = [c.replace(" ", NO_BREAK) if len(c) <= KEPT_TOGETHER else c for c in text.split(", ")]
-    kept, cut = ", ".join(clauses), []
-    for length in range(min(width, len(text) // lines + 1), width + 1):
-        cut = textwrap.wrap(kept, length, break_on_hyphens=False)
-        if len(cut) <= lines:
-            break
-    return "\n".join(cut).replace(NO_BREAK, " ")
-
-
-def _conditions(params, sheared, grains):
-    """The title: what the layer consists of, in words, how it is sheared, and at which numbers."""
-    steady = sheared.inertial_number[(sheared.shear_strain >= getattr(params, "steady_from", 0.0)).values]
-    rate = float((steady if steady.size else sheared.inertial_number).mean())
-    sizes = dict.fromkeys(f"{1e6 * d:g}" for d in (params.smallest_diameter, params.largest_diameter))
-    rates = shown(rate, ".2g")
-    if getattr(params, "stages", None):
-        means = sheared.inertial_number.groupby(sheared.stage_index).mean().values
-        rates = f"{means.min():.2g} to {means.max():.2g}"
-    spring = spring_words(params)
-    driven = "sheared in stages" if getattr(params, "stages", None) else "sheared at constant velocity"
-    return (
-        f"{params.dim}D gouge of {grains}, {' to '.join(sizes)} µm across, "
-        f"{f'pulled by a spring of {spring}' if spring else driven}, "
-        f"{_stresses(params, sheared)}, {friction_words(sheared)}{other_effects(sheared)}, "
-        f"inertial number {rates}, stiffness number {shown(float(sheared.stiffness_number))}"
-    )
-
-
-def _stresses(params, sheared):
-    """The normal stress in words; that of --normal-stress if stages change it, with the range of their means."""
-    given = f"normal stress {params.normal_stress / 1e6:g} MPa"
-    if not any("normal_stress" in stage for stage in getattr(params, "stages", [])):
-        return given
-    means = sheared.platen_normal_stress.groupby(sheared.stage_index).mean().values / 1e6
-    return f"{given} at first and {means.min():.3g} to {means.max():.3g} MPa in the stages"
 
 
 def _draw_friction(axes, sheared, params):
@@ -235,7 +184,7 @@ def _draw_friction(axes, sheared, params):
     axes.plot(strain, smoothed(strain, platen), "k:", lw=1.2, label="the same at the top platen")
     axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
     axes.set_title("(a) friction: shear stress / normal stress")
-    if getattr(params, "stages", None):
+    if "cycle" in sheared:
         axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), space=1.5))
         mark_stages(axes, sheared)
         draw_zero(axes)

@@ -67,9 +67,9 @@ def start_of(
     layer.restore(state["layer"])
     watch.add(state["seconds"], state["cpu_seconds"])
     position, snapshots = Position(**state["position"]), state["snapshots"]
-    if position.stage == len(schedule) and position.ended:
+    if position.ended and not position.begun:
         last = Position(**position.ended["position"])
-        if schedule[-1].until.open_again(layer, last.memory):
+        if schedule[last.stage].until.open_again(layer, last.memory):  # the stage has become longer
             position, snapshots = last, position.ended["snapshots"]
     return Start(position, (state["rows"], snapshots), state["rate"]), restored.damage
 

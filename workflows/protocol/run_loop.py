@@ -143,7 +143,7 @@ class RunLoop:
             return
         if stage.drives and position.thickness is None:
             layer.begin_shear()
-            position.thickness = layer.thickness
+            position.thickness, position.shear_since = layer.thickness, self.sim.time
         position.since, position.slip = self.sim.time, layer.slip
         self.recorder.begin_stage(stage.name, position.stage + 1, stage.cycle, position.slip)
         position.before = {name: self.drives.value(name, position.thickness) for name in stage.drives}
@@ -214,6 +214,8 @@ class RunLoop:
         kept = stage.kept or position.stage + 1 == len(self.schedule)
         if kept and self.recorder.grains.last_time < self.sim.time:
             self.recorder.snapshot()
-        self.position = Position(stage=position.stage + 1, thickness=position.thickness, ended=ended)
+        self.position = Position(
+            position.stage + 1, thickness=position.thickness, shear_since=position.shear_since, ended=ended
+        )
         if kept:
             self.keep_checkpoint()

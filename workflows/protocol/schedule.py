@@ -121,8 +121,8 @@ class Position:
         In the present row.
     next_sample
         Step of the next sample.
-    thickness
-        Of the layer as shear began [m], None before.
+    thickness, shear_since
+        Of the layer as shear began [m], and the time of that [s]; None before.
     since
         Time at which this stage began [s].
     slip
@@ -144,6 +144,7 @@ class Position:
     samples: int = 0
     next_sample: int = 0
     thickness: float | None = None
+    shear_since: float | None = None
     since: float = 0.0
     slip: float = 0.0
     before: dict[str, float] = field(default_factory=dict)

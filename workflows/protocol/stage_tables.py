@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -143,6 +143,24 @@ def planned(tables: Sequence[StageTable]) -> list[Planned]:
                 velocity = before if table.velocity is None else table.velocity
                 found.append(Planned(table, cycle if repeat > 1 else 0, velocity))
     return found
+
+
+def continues(after: Sequence[Planned], before: Sequence[Planned]) -> bool:
+    """Whether a schedule begins with all stages of another one, of which the last may have become longer."""
+    if not before or len(after) < len(before):
+        return False
+    first = [_one_of(stage) for stage in after[: len(before)]]
+    *others, last = map(_one_of, before)
+    end, longer = last.table.until.given, first[-1].table.until.given
+    if end.keys() != longer.keys() or any(longer[name] < value for name, value in end.items()):
+        return False
+    prolonged = replace(last, table=last.table.model_copy(update={"until": first[-1].table.until}))
+    return first == [*others, prolonged]
+
+
+def _one_of(stage: Planned) -> Planned:
+    """A stage that does not tell how often it is gone through."""
+    return replace(stage, table=stage.table.model_copy(update={"repeat": 1, "repeat_from": None}))
 
 
 def problems_of_stages(tables: Sequence[StageTable]) -> Iterator[str]:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
 from tests.helpers.pictures import curves, panels
-from workflows.plots import layer_pictures, run_plots
+from workflows.plots import layer_pictures, run_plots, run_titles
 
 
 def area(outline):
@@ -63,10 +63,10 @@ def test_positions_are_wrapped_and_velocities_relative_to_the_platen(sheared):
 
 def test_a_long_title_is_cut_into_lines_of_about_equal_length():
     text = "normal stress 5 MPa, " * 7 + "stiffness number 1000"
-    lines = run_plots.wrapped(text).split("\n")
+    lines = run_titles.wrapped(text).split("\n")
     assert " ".join(lines) == text and len(lines) == 2
     assert max(map(len, lines)) <= 130 and min(map(len, lines)) > 0.5 * max(map(len, lines))
-    assert run_plots.wrapped("short") == "short"
+    assert run_titles.wrapped("short") == "short"
 
 
 @pytest.mark.parametrize(("kind", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
@@ -104,12 +104,12 @@ def test_a_title_is_cut_at_commas_and_never_inside_an_option():
         "2D gouge of discs, 105 to 149 µm across, normal stress 5 MPa, Coulomb friction (coefficient 0.5), of number 1"
     )
     for width in (60, 80, 100):
-        assert all(line.endswith(",") for line in run_plots.wrapped(text, width).split("\n")[:-1])
+        assert all(line.endswith(",") for line in run_titles.wrapped(text, width).split("\n")[:-1])
     long = (
         "the grains overlap by more than a tenth of what they can carry at this place: raise --stiffness-number to 3000"
     )
     for width in range(30, 100, 7):
-        assert "--stiffness-number" in run_plots.wrapped(long, width)
+        assert "--stiffness-number" in run_titles.wrapped(long, width)
 
 
 @pytest.mark.parametrize("shift", [-0.5, 0.0])
@@ -131,21 +131,21 @@ def test_friction_below_zero_is_inside_the_panel(sheared, shift):
 def test_the_title_says_what_ran_and_what_pulled_it(sheared):
     _, params, dataset = sheared("angular")
     rows = dataset.isel(time=dataset.stage.values == "shear")
-    grains = run_plots.grains_of_run(dataset, params)
-    assert run_plots._conditions(params, rows, grains).startswith(
+    grains = run_titles.grains_of_run(dataset, params)
+    assert run_titles.conditions(params, rows, grains).startswith(
         "2D gouge of angular grains, 105 to 149 µm across, sheared at constant velocity, normal stress 5 MPa"
     )
     changed = params.model_copy(update={"load_stiffness_ratio": 0.01, "largest_diameter": params.smallest_diameter})
-    words = run_plots._conditions(changed, rows, "discs")
+    words = run_titles.conditions(changed, rows, "discs")
     assert "discs, 105 µm across, pulled by a spring of 0.01 times the shear stiffness of the layer, normal" in words
 
 
 def test_a_title_has_no_number_for_what_is_unknown(sheared):
     _, params, dataset = sheared("round")
     rows = dataset.isel(time=dataset.stage.values == "shear").assign(stiffness_number=np.nan)
-    assert run_plots._conditions(params, rows, "discs").endswith(", stiffness number unknown")
+    assert run_titles.conditions(params, rows, "discs").endswith(", stiffness number unknown")
     rows = rows.assign(inertial_number=rows.inertial_number * np.nan)
-    assert ", inertial number unknown, stiffness number unknown" in run_plots._conditions(params, rows, "discs")
+    assert ", inertial number unknown, stiffness number unknown" in run_titles.conditions(params, rows, "discs")
 
 
 def test_a_shape_without_a_complete_run_says_how_its_runs_ended():

@@ -4,8 +4,9 @@ import pytest
 
 from workflows import shear_gouge
 from workflows.common.parameters import ParameterError, merge, to_toml
+from workflows.gouge.expected_shear import expected
 from workflows.gouge.layer_drives import NORMAL_STRESS, SHEAR_RATE
-from workflows.gouge.shear_stages import expected, shear_stages
+from workflows.gouge.shear_stages import shear_stages
 from workflows.protocol.schedule import Change
 from workflows.protocol.stage_tables import StageTable, planned
 

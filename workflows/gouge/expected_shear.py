@@ -1,0 +1,25 @@
+"""How far a layer is expected to be sheared, and how long that takes, from its parameters alone."""
+
+from __future__ import annotations
+
+from workflows.gouge.layer_parameters import LayerParams
+from workflows.protocol.stage_tables import planned
+
+
+def expected(params: LayerParams) -> tuple[float, float]:
+    """(shear strain [1], time [t_i]) of all stages after the consolidation; strain counts in either direction."""
+    p, strain, time = params, 0.0, 0.0
+    for stage in planned(p.shear_tables()):
+        rate = abs(stage.velocity) * p.inertial_number  # [1/t_i]
+        takes = min(duration(p, name, value, rate) for name, value in stage.table.until.given.items())
+        strain, time = strain + rate * takes, time + takes
+    return strain, time
+
+
+def duration(params: LayerParams, name: str, value: float, rate: float) -> float:
+    """Time [t_i] that a strain [1], a slip [d] or a time [t_i] takes at a shear rate [1/t_i]."""
+    if name == "time":
+        return value
+    if rate == 0.0:
+        return float("inf")
+    return value / (rate * (params.layer[0] / params.diameter if name == "slip" else 1.0))
