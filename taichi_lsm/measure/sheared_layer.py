@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..bonds.fragments import fragments
-from ..boundaries.platen_drives import ServoStress
+from ..boundaries.platen_drives import ServoStress, SpringLoadPoint
 from ..core.errors import InputError, SimulationError
 from .contact_stiffness import contact_stiffness
 from .energy_budget import energies
@@ -69,6 +69,7 @@ class ShearedLayer:
         depth = scene.thickness if scene.dim == 2 else 1.0  # measures of shapes are areas in 2D
         self.solid_volume = float(measure[self.mobile].sum()) * depth
         self.area = platens.area
+        self.sprung = isinstance(platens.drives[1][0], SpringLoadPoint)
         # Reference planes: mean innermost surface of the glued grains, fixed to each platen.
         radius = scene.per_grain("bounding_radius")
         inner = [scene.position[:, 1] + radius, scene.position[:, 1] - radius]
@@ -231,6 +232,8 @@ class ShearedLayer:
             "deepest_overlap": max(s["deepest"] for s in samples),
             "inertial_number": abs(rate) * self.diameter * np.sqrt(sim.scene.density / self.target),
         }
+        if self.sprung:
+            row["spring_stretch"] = float(now["stretch"][1, 0])
         if sim.bonds:
             row["bond_count"] = int(last["bond_count"])
             row["fragment_count"] = len(np.unique(fragments(sim)[self.mobile]))

@@ -5,6 +5,8 @@ Plain functions on NumPy arrays and xarray objects, without a kernel; docs/stati
 
 from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
 from .contact_fabric import Fabric, fabric
+from .cycles import stack_cycles
+from .event_energies import event_energies
 from .events import detect_events
 from .healing import Healing, healing_rate
 from .profiles import BoundarySlip, ShearBand, boundary_slip, shear_band
@@ -13,7 +15,7 @@ from .resampling import Resampled
 from .steady_means import Estimate, combine_replicas, difference, steady_ratio, steady_state
 from .steady_steps import Dilatancy, dilatancy_coefficient, steady_rate_dependence
 from .velocity_step_fit import LawComparison, StepFit, compare_laws, fit_velocity_step
-from .work_shares import work_partition
+from .work_shares import work_by_stage, work_partition
 
 __all__ = [
     "BValue",
@@ -35,6 +37,7 @@ __all__ = [
     "detect_events",
     "difference",
     "dilatancy_coefficient",
+    "event_energies",
     "fabric",
     "fit_velocity_step",
     "friction_after_step",
@@ -43,8 +46,10 @@ __all__ = [
     "magnitude_of_completeness",
     "shear_band",
     "spring_slider",
+    "stack_cycles",
     "steady_rate_dependence",
     "steady_ratio",
     "steady_state",
+    "work_by_stage",
     "work_partition",
 ]

@@ -72,6 +72,44 @@ def work_partition(run: "Dataset", from_strain: float = 0.0, to_strain: float = 
     )
 
 
+def work_by_stage(run: "Dataset") -> "Dataset":
+    """Where the work went in each stage of a run: energies by its name, over all passages through it.
+
+    Parameters
+    ----------
+    run
+        What `open_run` gives of a run through stages, or of its rows since shear began.
+
+    Returns
+    -------
+    Dataset
+        Along stage and effect: dissipated_energy [J] and share [1] of it. The share is nan in a stage without losses.
+
+    Raises
+    ------
+    InputError
+        If the run has no stages or no dissipated energy.
+    """
+    import xarray
+
+    missing = [name for name in ("stage", "dissipated_energy") if name not in run.variables]
+    if missing or run.sizes["time"] < 2:
+        raise InputError(f"run: has no {', '.join(missing) or 'two rows'}, must be the run.nc of a layer")
+    # What a row lost is its energy less that of the row before, which may be of another stage.
+    lost, stage = np.diff(np.asarray(run.dissipated_energy, float), axis=0), np.asarray(run.stage)[1:]
+    names = list(dict.fromkeys(stage.tolist()))
+    sums = np.stack([lost[stage == name].sum(axis=0) for name in names])
+    total = sums.sum(axis=1, keepdims=True)
+    share = np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 0.0)
+    return xarray.Dataset(
+        {
+            "dissipated_energy": (("stage", "effect"), sums, {"units": "J", "long_name": "energy dissipated in it"}),
+            "share": (("stage", "effect"), share, {"units": "1", "long_name": "share of the dissipated energy"}),
+        },
+        {"stage": names, "effect": np.asarray(run.effect_name if "effect_name" in run else run.effect)},
+    )
+
+
 def _change(values: "DataArray") -> npt.NDArray[np.float64]:
     """Last row less first row."""
     array = np.asarray(values, float)

@@ -7,7 +7,7 @@ import xarray as xr
 from taichi_lsm import InputError, open_run
 from taichi_lsm.io.run_file import RunWriter
 from taichi_lsm.measure.layer_rows import layer_rows
-from taichi_lsm.statistics import work_partition
+from taichi_lsm.statistics import work_by_stage, work_partition
 
 
 def run(rows=400, seed=1):
@@ -54,6 +54,18 @@ def test_errors_of_shares_cover():
     found = [work_partition(run(seed=seed)) for seed in range(60)]
     pull = [(float(f.share[0]) - 0.75) / float(f.share_error[0]) for f in found]
     assert np.std(pull) == pytest.approx(1.0, abs=0.25) and abs(np.mean(pull)) < 0.4
+
+
+def test_work_of_a_stage_is_what_its_rows_lost():
+    """What a row lost since the row before belongs to the stage of that row, also at the begin of a stage."""
+    lost = np.array([[0.0, 0.0], [1.0, 1.0], [3.0, 1.0], [3.0, 5.0], [6.0, 6.0]])
+    data = {"dissipated_energy": (("time", "effect"), lost), "stage": ("time", ["a", "a", "b", "b", "a"])}
+    found = work_by_stage(xr.Dataset(data, {"effect_name": ("effect", ["friction", "damping"])}))
+    assert found.dissipated_energy.sel(stage="a").values == pytest.approx([4.0, 2.0])
+    assert found.dissipated_energy.sel(stage="b").values == pytest.approx([2.0, 4.0])
+    assert found.share.sel(stage="b", effect="damping") == pytest.approx(2 / 3)
+    with pytest.raises(InputError, match="has no stage"):
+        work_by_stage(run())
 
 
 def test_windows_without_rows_or_losses_are_refused():
