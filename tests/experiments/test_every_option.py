@@ -32,6 +32,10 @@ TINY = {  # small runs of the workflows whose standard ones are large, from whic
         TINY_LAYER | {"grains": "20", "dim": "3", "width": "4"},
         TINY_LAYER | {"grains": "20", "dim": "3", "width": "5", "shape": "angular", "start": "dense"},
     ],
+    "velocity-steps": [TINY_LAYER | {"grains": "20"}],
+    "normal-stress-steps": [TINY_LAYER | {"grains": "20"}],
+    "slide-hold-slide": [TINY_LAYER | {"grains": "20"}],
+    "stick-slip": [TINY_LAYER | {"grains": "20", "load_stiffness": "1e3"}],
     "compare-shapes": [TINY_LAYER | {"grains": "20", "replicas": "1"}],
     "energy-conservation": [{"grains": "16", "order_grains": "16"}],
     "shape-roughness": [{"layer_thickness": "8", "length": "6"}],
@@ -197,6 +201,10 @@ def test_the_command_line_shows_no_traceback(tmp_path):
         "shape-roughness --strain 0.5",
         "accuracy-cost --gas-grains 17 --long-strain 1",
         "hard-cases --kinds nonsense",
+        f"velocity-steps --velocity-ratio 100 --inertial-number 0.1 {small}",
+        f"normal-stress-steps --stress-ratio 0.5 {small}",
+        f"stick-slip --load-stiffness-ratio none {small}",
+        f"slide-hold-slide --longest-hold 1 {small}",
     ]
     assert {line.split()[0] for line in lines} >= set(WORKFLOWS)
     (tmp_path / "lines.json").write_text(json.dumps(lines))

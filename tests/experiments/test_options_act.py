@@ -9,6 +9,7 @@ import hashlib
 import math
 import re
 import types
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,11 +19,12 @@ import xarray
 
 import taichi_lsm as lsm
 import workflows
-from workflows import compare_shapes, shear_gouge
+from workflows import compare_shapes, normal_stress_steps, shear_gouge, stick_slip, velocity_steps
 from workflows.common.discovery import find_workflows
 from workflows.common.parameter_types import choices, kind, members
 from workflows.common.parameters import ParameterError, merge, option_name
-from workflows.gouge import target_runs
+from workflows.gouge import layer_run, target_runs
+from workflows.gouge.layer_parameters import LayerParams
 from workflows.plots import run_plots
 from workflows.protocol.run_loop import RunLoop
 
@@ -31,6 +33,8 @@ pytestmark = pytest.mark.usefixtures("few_shapes")
 WORKFLOWS = find_workflows()
 LAYER = {"length": 6.0, "grains": 20, "strain": 1.6, "inertial_number": 0.02}
 LAYER |= {"start": "loose"}  # a dense start takes longer to make
+STEPPED = {name: value for name, value in LAYER.items() if name != "strain"}
+STEPPED |= {"run_in": 0.1, "cycles": 2, "step_slip": 0.5}
 RATE_AND_STATE = dict.fromkeys(("reference_coefficient", "direct_effect", "evolution_effect"), 0.1) | {
     "name": "rate_and_state_friction",
     "slip_distance": 1e-6,
@@ -50,6 +54,12 @@ BASES = {
         {name: value for name, value in LAYER.items() if name not in ("strain", "steady_from")}
         | {"stages": [{"name": "shear", "velocity": 1.0, "until": {"strain": 0.5}}]},
         {"layer_thickness": 8.0, "length": 20.0, "target_error": 0.05},
+    ],
+    "velocity-steps": [STEPPED],
+    "normal-stress-steps": [STEPPED | {"ramp": 1.0}],
+    "stick-slip": [
+        {name: value for name, value in STEPPED.items() if name not in ("cycles", "step_slip")}
+        | {"load_stiffness": 1e3, "strain": 0.3, "row_time": 0.1}
     ],
     "compare-shapes": [
         LAYER | {"replicas": 1},
@@ -77,13 +87,21 @@ def scene_words(scene):
     return f"{digest} {list(scene.effects)} {drives} {numbers}"
 
 
+@dataclass
+class Servo:
+    """Stands in for the servo of the normal stress."""
+
+    stress: float
+    inertia: float = 1.0
+
+
 class Simulation:
     """Stands in for a simulation: counts steps, and writes down what it is made of and told."""
 
     def __init__(self, scene, *machine):
         self.log = [scene_words(scene), *machine]
         self.scene, self.dt, self.step, self.speed = scene, scene.chosen_dt(), 0, 0.0
-        drives = [[None], [SimpleNamespace(velocity=0.0), SimpleNamespace(inertia=1.0)]]
+        drives = [[None], [SimpleNamespace(velocity=0.0), Servo(0.0)]]
         self.platens = SimpleNamespace(drives=drives, set=self.drive)
 
     def __len__(self):
@@ -91,7 +109,7 @@ class Simulation:
 
     def drive(self, platen, axis, drive):
         self.log.append(drive)
-        self.speed = drive.velocity
+        self.speed = getattr(drive, "velocity", self.speed)
 
     def run(self, steps):
         self.step += steps
@@ -120,7 +138,8 @@ class Layer:
 
     def sample(self):
         self.sim.log.append(self.sim.step)
-        self.strain += self.sim.speed * self.sim.dt * (self.sim.step - self.before) / self.thickness
+        moved = self.sim.speed * self.sim.dt * (self.sim.step - self.before)
+        self.slip, self.strain = self.slip + moved, self.strain + moved / self.thickness
         self.before = self.sim.step
 
     def residual_fraction(self):
@@ -181,6 +200,10 @@ ROWS = (
 )
 
 
+StagedParams = (velocity_steps.Params, normal_stress_steps.Params, stick_slip.Params)
+EXPERIMENTS = ((velocity_steps, "STEPS"), (normal_stress_steps, "STEPS"), (stick_slip, "STICK_SLIP"))
+
+
 @pytest.fixture
 def observed(monkeypatch, tmp_path):
     """observed(module, params): all that the experiment does, as a text."""
@@ -202,18 +225,23 @@ def observed(monkeypatch, tmp_path):
     monkeypatch.setattr(lsm, "ShearedLayer", Layer)
     monkeypatch.setattr(lsm, "LayerRecorder", Recorder)
     monkeypatch.setattr(lsm.checkpoints, "remove_checkpoints", lambda out: log.append("removed"))
-    monkeypatch.setattr(shear_gouge, "RunLoop", Loop)
+    monkeypatch.setattr(layer_run, "RunLoop", Loop)
     monkeypatch.setattr(lsm, "open_run", lambda path: series())
     monkeypatch.setattr(lsm, "runtime_profile_text", lambda sim: log.append("profile") or "")
     monkeypatch.setattr(run_plots, "plot_run", lambda out, form: log.append(form))
     monkeypatch.setattr(compare_shapes, "run_replicas", jobs_of)
     monkeypatch.setattr(target_runs, "run_replicas", jobs_of)
 
+    for module, of_module in EXPERIMENTS:  # what they conclude from their files is tested with these
+        experiment = getattr(module, of_module)
+        concluded = replace(experiment, conclude=lambda dataset, params, out: log.append(params.format) or {})
+        monkeypatch.setattr(module, of_module, concluded)
+
     def summary(out, workflow, preset, metrics, quiet):
         timed = ("seconds", "cpu_seconds", "grain_steps_per_second")
         log.append({name: metric.value for name, metric in metrics.items() if name not in timed})
 
-    monkeypatch.setattr(shear_gouge, "write_summary", summary)
+    monkeypatch.setattr(layer_run, "write_summary", summary)
 
     def observe(module, params):
         log.clear()
@@ -263,7 +291,10 @@ def test_every_option_of_a_layer_acts_or_is_refused(name, observed):
             found = list(outcomes(name, base, key, field, observed, before))
             assert "acts" in found or (found and "ignored" not in found), (base, key, found)
             acting |= {key} if "acts" in found else set()
-    assert acting == set(module.Params.model_fields), set(module.Params.model_fields) - acting
+    wanted = set(module.Params.model_fields)
+    if issubclass(module.Params, StagedParams):  # those of the layer do what they do in shear-gouge
+        wanted -= set(LayerParams.model_fields)
+    assert wanted <= acting, wanted - acting
 
 
 REFUSED = [
@@ -363,7 +394,7 @@ def test_every_option_of_the_other_workflows_is_read_by_their_own_modules(name):
             if (
                 home[0] == "workflows"
                 and len(home) > 2 - (home[-1] == "hard")
-                and home[1] in ("accuracy", "energy", "hard")
+                and home[1] in ("accuracy", "energy", "hard", "gouge")
             ):
                 own += sorted((root / home[1]).glob("*.py"))
     unread = set(names) - set().union(*(read_in(path, names) for path in own))

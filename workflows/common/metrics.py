@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
+from taichi_lsm.statistics.resampling import Resampled
+
 if TYPE_CHECKING:
     from taichi_lsm.statistics import Estimate
 
@@ -76,6 +78,21 @@ def metrics_of_estimate(mean: str, error: str, estimate: "Estimate | None") -> d
     found = Metric(estimate.mean, "1", interval=None if unknown else estimate.interval)
     note = f"unknown: {estimate.unknown}" if unknown else None
     return {mean: found, error: Metric(estimate.standard_error, "1", note=note)}
+
+
+def metrics_of_value(name: str, found: "Estimate | Resampled", unit: str, note: str | None = None) -> dict[str, Metric]:
+    """The metric `name`, with its 95 % interval, and `name`_se, its standard error, in a unit; note: what it is.
+
+    Where the error is unknown its note says why.
+    """
+    unknown = math.isnan(found.standard_error)
+    low, high = (found.low, found.high) if isinstance(found, Resampled) else found.interval
+    value = found.value if isinstance(found, Resampled) else found.mean
+    why = f"unknown: {found.unknown}" if unknown else None
+    return {
+        name: Metric(value, unit, interval=None if unknown else (low, high), note=note),
+        f"{name}_se": Metric(found.standard_error, unit, note=why),
+    }
 
 
 def failed_claims(summary: dict[str, Any]) -> list[str]:

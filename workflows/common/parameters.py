@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import types
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, TypeVar
@@ -45,6 +45,9 @@ class Params(pydantic.BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True)
 
     presets: ClassVar[dict[str, dict]] = {"smoke": {}, "demo": {}, "standard": {}, "reference": {}}
+
+    # Groups of fields that are ways to give the same thing: one that the user gives replaces that of a preset.
+    alternatives: ClassVar[tuple[tuple[str, ...], ...]] = ()
 
     # Fields that change no result: they may differ in a run that goes on, and tell no run from another.
     without_result: ClassVar[frozenset[str]] = frozenset({"threads", "format"})
@@ -210,6 +213,7 @@ def merge_read(
     layers = {f"preset {name}": _preset(params_class, name, problems)}
     layers |= {source: of_file.top, f"{source}, [{experiment}]": of_file.own}
     layers["option"] = _options(params_class, options or {})
+    _give_way(layers[f"preset {name}"], params_class, list(layers.values())[1:])
     values, sources = _overlaid(params_class, layers, problems)
     params = None
     try:
@@ -239,13 +243,22 @@ def _preset(params_class: type[Params], name: str, problems: list[str]) -> dict[
         problems.append(
             f"--preset {as_written(name)}: unknown preset, must be one of {known}." + nearest(name, presets)
         )
-    return presets.get(name, {})
+    return dict(presets.get(name, {}))
 
 
 def _options(params_class: type[Params], options: Mapping[str, Any]) -> dict[str, Any]:
     """Options with their lists split at the commas."""
     fields = params_class.model_fields
     return {k: split_list(fields[k].annotation, v) if k in fields else v for k, v in options.items()}
+
+
+def _give_way(preset: dict[str, Any], params_class: type[Params], given: Iterable[Mapping[str, Any]]) -> None:
+    """Take from the values of a preset what the user gave in another of the ways that exclude each other."""
+    users = {key for layer in given for key in layer}
+    for ways in params_class.alternatives:
+        if users & set(ways):
+            for way in ways:
+                preset.pop(way, None)
 
 
 def _overlaid(

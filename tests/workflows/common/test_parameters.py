@@ -35,6 +35,21 @@ def test_option_wins_over_toml_and_toml_over_preset(toy, tmp_path):
     assert params.preset_name == "smoke"
 
 
+def test_what_the_user_gives_in_another_way_replaces_that_of_a_preset(toy, tmp_path):
+    class Machine(toy.Params):
+        alternatives = (("stiffness", "compliance"),)
+        stiffness: float | None = Field(default=None, description="of the machine [1]")
+        compliance: float | None = Field(default=None, description="of the machine [1]")
+        presets = {**toy.Params.presets, "smoke": {"stiffness": 2.0}}  # noqa: RUF012
+
+    assert merge(Machine, "smoke").stiffness == 2.0
+    scene = tmp_path / "scene.toml"
+    scene.write_text("compliance = 3.0\n")
+    for params in (merge(Machine, "smoke", options={"compliance": "3"}), merge(Machine, "smoke", scene)):
+        assert (params.stiffness, params.compliance) == (None, 3.0)
+    assert merge(Machine, "smoke").stiffness == 2.0  # the preset itself has not changed
+
+
 def test_options_are_parsed_from_text(toy):
     options = {
         "grains": "12",
