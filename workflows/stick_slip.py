@@ -59,10 +59,12 @@ class Params(LayerParams):
             "strain": 0.5,
             "step_safety": 0.6,
         },
-        "demo": {"load_stiffness_ratio": 0.02, "inertial_number": 3e-4, "strain": 1.0},
-        "standard": {"load_stiffness_ratio": 0.02, "inertial_number": 1e-4},
+        # Half the usual step: the energy of the smallest events closes too.
+        "demo": {"load_stiffness_ratio": 0.02, "inertial_number": 3e-4, "strain": 1.0, "step_safety": 0.2},
+        "standard": {"load_stiffness_ratio": 0.02, "inertial_number": 1e-4, "step_safety": 0.2},
         "reference": {
             "load_stiffness_ratio": 0.02,
+            "step_safety": 0.2,
             "length": 60.0,
             "inertial_number": 3e-5,
             "stiffness_number": 1e4,

@@ -49,10 +49,12 @@ def _draw_reload(axes: Any, datasets: Any, found: Healing, colours: Any, size: f
             continue
         slip = np.linspace(0.0, min(s[-1] for s, _ in own), POINTS)
         mean = np.mean([np.interp(slip, s, c) for s, c in own], axis=0)
-        axes.plot(slip / size, mean, color=colour, lw=1.4, label="no hold" if hold == 0.0 else f"{hold:.3g} $t_i$")
+        axes.plot(slip / size, mean, color=colour, lw=1.4, label="no hold" if hold == 0.0 else f"{hold:.0f} $t_i$")
     axes.set(xlim=(0, None), xlabel="slip after the hold [mean diameters]", ylabel="friction at the platen [1]")
     axes.set_title("(a) sliding again after a hold, mean over the seeds")
-    axes.legend(loc="lower right", ncols=2, title="time of the hold")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.35 * (high - low), high)  # room for the legend
+    axes.legend(loc="lower right", ncols=4, title="time of the hold")
 
 
 def _draw_healing(axes: Any, found: Healing) -> None:
@@ -66,6 +68,8 @@ def _draw_healing(axes: Any, found: Healing) -> None:
     axes.set_xscale("log")
     axes.set(xlabel="time of the hold [$t_i$]", ylabel="peak less steady friction [1]")
     axes.set_title("(b) healing; bars: two standard errors")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.35 * (high - low))
     axes.legend(loc="upper left")
 
 
