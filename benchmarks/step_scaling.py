@@ -4,7 +4,7 @@
     python -m benchmarks.step_scaling out/scaling
 
 Prints D_c and D_c/(r V) of every layer and the exponents of power laws in thickness h, normal stress P and velocity V,
-with standard errors by the scatter about the law, beside those of Hatano (2009), doi:10.1103/PhysRevE.80.021305: a
+with standard errors by the scatter about the law, beside those of Hatano (2009), arXiv:0906.3764: a
 relaxation time that grows as h and falls as P^(-1/2), and a slip distance that grows as V.
 """
 
