@@ -34,6 +34,8 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .boundaries.platen_drives import ServoStress as ServoStress
     from .boundaries.platen_drives import SpringLoadPoint as SpringLoadPoint
     from .boundaries.platens import Platen as Platen
+    from .boundaries.stress_drives import ServoWithSpring as ServoWithSpring
+    from .boundaries.stress_drives import VelocityOrStress as VelocityOrStress
     from .boundaries.wall_setup import PlaneWall as PlaneWall
     from .core.data_files import data_path as data_path
     from .core.data_files import published_friction as published_friction
@@ -115,6 +117,8 @@ _HOME = {
     "ServoStress": "boundaries.platen_drives",
     "PlaneWall": "boundaries.wall_setup",
     "SpringLoadPoint": "boundaries.platen_drives",
+    "ServoWithSpring": "boundaries.stress_drives",
+    "VelocityOrStress": "boundaries.stress_drives",
     "fragments": "bonds.fragments",
     "grain_diameters": "packing",
     "dense_packing": "dense_start",

@@ -1,5 +1,7 @@
 """Drives of a platen along one axis: at rest, at a velocity, by a spring, or under a servo-controlled stress.
 
+Those of tests at an imposed shear stress or a constant normal stiffness are in `stress_drives`.
+
 A drive is a dataclass on the host and one Taichi function in the step. `values(area)` gives the numbers that the
 kernel reads, at most VALUES of them, as the argument `p`. `kick` or, for a drive with a spring, `pull` advances the
 velocity of the platen by one step and returns the work of the drive and the energy that it dissipates in it.
@@ -111,8 +113,8 @@ class SpringLoadPoint:
             value = getattr(self, name)
             require(finite(value) and value > 0, self, name, value, f"> 0 {unit}")
 
-    def check_step(self, dt: float) -> None:
-        """Raise InputError unless the time step dt [s] resolves the platen on its spring.
+    def check_step(self, dt: float, area: float) -> None:
+        """Raise InputError unless the time step dt [s] resolves the platen on its spring, whatever its area.
 
         Verlet is stable up to dt = 2 sqrt(M/K); half of that is allowed, hence K <= M/dt^2.
         """

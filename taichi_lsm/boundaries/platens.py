@@ -1,7 +1,8 @@
 """Platens: rigid bodies of glued grains that load a layer, driven axis by axis.
 
 A platen does not rotate. Each of its axes is driven by one of `Fixed`, `ConstantVelocity`, `SpringLoadPoint`,
-`ServoStress`; the kinds are compiled in, their values live in fields and may change between stages (`Platens.set`).
+`ServoStress`, `VelocityOrStress`, `ServoWithSpring`; the kinds are compiled in, their values live in fields and may
+change between stages (`Platens.set`).
 """
 
 from collections.abc import Sequence
@@ -15,8 +16,9 @@ from ..core.allocation import when_allocated, write
 from ..core.errors import InputError, require
 from ..core.runtime import ti
 from .platen_drives import VALUES, ConstantVelocity, Fixed, ServoStress, SpringLoadPoint
+from .stress_drives import ServoWithSpring, VelocityOrStress
 
-Drive = Fixed | ConstantVelocity | SpringLoadPoint | ServoStress
+Drive = Fixed | ConstantVelocity | SpringLoadPoint | ServoStress | VelocityOrStress | ServoWithSpring
 
 PUBLISHED = ("displacement", "velocity", "force_sum", "force_square_sum", "work", "dissipated")
 
@@ -30,7 +32,8 @@ class Platen:
     name : str
         Name in files and error messages.
     drives : list
-        One drive per axis: `Fixed`, `ConstantVelocity`, `SpringLoadPoint` or `ServoStress`.
+        One drive per axis: `Fixed`, `ConstantVelocity`, `SpringLoadPoint`, `ServoStress`, `VelocityOrStress` or
+        `ServoWithSpring`.
     """
 
     name: str
@@ -124,7 +127,7 @@ class Platens:
         """Choose the time step [s]. Raises InputError if a spring is too stiff for it."""
         for drive in (drive for drives in self.drives for drive in drives):
             if hasattr(drive, "check_step"):
-                drive.check_step(dt)
+                drive.check_step(dt, self.area)
         self.dt = dt
 
     def _write_drives(self) -> None:
@@ -133,7 +136,7 @@ class Platens:
         for p, drives in enumerate(self.drives):
             for axis, drive in enumerate(drives):
                 if hasattr(drive, "check_step"):
-                    drive.check_step(self.dt)
+                    drive.check_step(self.dt, self.area)
                 given = drive.values(self.area)
                 values[p, axis, : len(given)] = given
         write(self.values, values)
@@ -170,7 +173,7 @@ class Platens:
             allowed = f"{now.inertia!r} kg as at the start"
             require(False, drive, "inertia", drive.inertia, allowed)
         if hasattr(drive, "check_step"):
-            drive.check_step(self.dt)
+            drive.check_step(self.dt, self.area)
         self.drives[p][axis] = drive
         self._write_drives()
 
@@ -190,7 +193,7 @@ class Platens:
         result = velocity.copy()
         for p, drives in enumerate(self.drives):
             for axis, drive in enumerate(drives):
-                if hasattr(drive, "pull"):
+                if isinstance(drive, SpringLoadPoint):
                     result[p, axis] = drive.velocity
         return result
 
