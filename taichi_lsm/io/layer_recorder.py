@@ -87,7 +87,11 @@ class LayerRecorder:
         kept_rows, kept_snapshots = keep or (None, None)
         self.run = RunWriter(
             out / "run.nc",
-            [*layer_rows(sim.spec.bonds > 0, layer.sprung), STAGE_INDEX, *(CYCLE_ROWS if cycles else ())],
+            [
+                *layer_rows(sim.spec.bonds > 0, layer.sprung, layer.pushed, layer.confined),
+                STAGE_INDEX,
+                *(CYCLE_ROWS if cycles else ()),
+            ],
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),

@@ -8,8 +8,17 @@ def series(name: str, units: str, long_name: str, dtype: str = "f64", dims: tupl
     return Variable(name, dims, dtype, units, long_name)
 
 
-def layer_rows(bonded: bool = False, sprung: bool = False) -> list[Variable]:
-    """Schema rows of run.nc; of a scene with bonds, and of one whose top platen a spring pulls."""
+IMPOSED = series("imposed_shear_stress", "Pa", "shear stress imposed on the top platen; missing where its velocity is")
+SERVO = series("servo_stress", "Pa", "normal stress that the servo keeps, with the spring behind it")
+
+
+def layer_rows(
+    bonded: bool = False, sprung: bool = False, pushed: bool = False, confined: bool = False
+) -> list[Variable]:
+    """Schema rows of run.nc; of a scene with bonds, and of one whose top platen has other drives than the usual ones.
+
+    sprung: a spring pulls it; pushed: a shear stress may be imposed on it; confined: a spring is behind its servo.
+    """
     return (
         [
             series(
@@ -80,4 +89,6 @@ def layer_rows(bonded: bool = False, sprung: bool = False) -> list[Variable]:
         ]
         * bonded
         + [series("spring_stretch", "m", "stretch of the spring between load point and top platen")] * sprung
+        + [IMPOSED] * pushed
+        + [SERVO] * confined
     )

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from ..bonds.fragments import fragments
 from ..boundaries.platen_drives import ServoStress, SpringLoadPoint
+from ..boundaries.stress_drives import ServoWithSpring, VelocityOrStress
 from ..core.errors import InputError, SimulationError
 from .contact_stiffness import contact_stiffness
 from .energy_budget import energies
@@ -69,7 +70,9 @@ class ShearedLayer:
         depth = scene.thickness if scene.dim == 2 else 1.0  # measures of shapes are areas in 2D
         self.solid_volume = float(measure[self.mobile].sum()) * depth
         self.area = platens.area
-        self.sprung = isinstance(platens.drives[1][0], SpringLoadPoint)
+        along, normal = platens.drives[1][:2]
+        self.sprung = isinstance(along, SpringLoadPoint)
+        self.pushed, self.confined = isinstance(along, VelocityOrStress), isinstance(normal, ServoWithSpring)
         # Reference planes: mean innermost surface of the glued grains, fixed to each platen.
         radius = scene.per_grain("bounding_radius")
         inner = [scene.position[:, 1] + radius, scene.position[:, 1] - radius]
@@ -141,9 +144,20 @@ class ShearedLayer:
 
     @property
     def target(self) -> float:
-        """Normal stress that the servo keeps now [Pa]; the one that was given where the top platen has none."""
+        """Normal stress that the servo keeps [Pa], with a spring behind it that of the last sample.
+
+        The one that was given where the top platen has no servo.
+        """
         drive = self.platens.drives[1][1]
+        if isinstance(drive, ServoWithSpring):
+            return drive.stress_at(float(self.memory.platens["stretch"][1, 1]))
         return drive.stress if isinstance(drive, ServoStress) else self._target
+
+    @property
+    def imposed_shear_stress(self) -> float:
+        """Shear stress that is imposed on the top platen now [Pa]; nan where its velocity is."""
+        stress = getattr(self.platens.drives[1][0], "stress", None)
+        return float("nan") if stress is None else stress
 
     @property
     def strain(self) -> float:
@@ -232,8 +246,7 @@ class ShearedLayer:
             "deepest_overlap": max(s["deepest"] for s in samples),
             "inertial_number": abs(rate) * self.diameter * np.sqrt(sim.scene.density / self.target),
         }
-        if self.sprung:
-            row["spring_stretch"] = float(now["stretch"][1, 0])
+        row |= self._of_drives(now)
         if sim.bonds:
             row["bond_count"] = int(last["bond_count"])
             row["fragment_count"] = len(np.unique(fragments(sim)[self.mobile]))
@@ -241,6 +254,17 @@ class ShearedLayer:
         memory.row_step, memory.row_platens = sim.step, now
         samples.clear()
         self._check_balance()
+        return row
+
+    def _of_drives(self, now: Mapping[Any, npt.NDArray]) -> Row:
+        """What a row has of other drives than the usual ones."""
+        row: Row = {}
+        if self.sprung:
+            row["spring_stretch"] = float(now["stretch"][1, 0])
+        if self.pushed:
+            row["imposed_shear_stress"] = self.imposed_shear_stress
+        if self.confined:
+            row["servo_stress"] = self.target
         return row
 
     def _mean_velocity(self) -> float:

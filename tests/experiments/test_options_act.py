@@ -9,7 +9,7 @@ import hashlib
 import math
 import re
 import types
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -87,22 +87,13 @@ def scene_words(scene):
     return f"{digest} {list(scene.effects)} {drives} {numbers}"
 
 
-@dataclass
-class Servo:
-    """Stands in for the servo of the normal stress."""
-
-    stress: float
-    inertia: float = 1.0
-
-
 class Simulation:
     """Stands in for a simulation: counts steps, and writes down what it is made of and told."""
 
     def __init__(self, scene, *machine):
         self.log = [scene_words(scene), *machine]
         self.scene, self.dt, self.step, self.speed = scene, scene.chosen_dt(), 0, 0.0
-        drives = [[None], [SimpleNamespace(velocity=0.0), Servo(0.0)]]
-        self.platens = SimpleNamespace(drives=drives, set=self.drive)
+        self.platens = SimpleNamespace(drives=[platen.drives for platen in scene.platens], set=self.drive)
 
     def __len__(self):
         return len(self.scene)

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from workflows.gouge.layer_parameters import LayerParams
+from typing import TYPE_CHECKING
+
 from workflows.protocol.stage_tables import planned
+
+if TYPE_CHECKING:
+    from workflows.gouge.layer_parameters import LayerParams
 
 
 def expected(params: LayerParams) -> tuple[float, float]:
-    """(shear strain [1], time [t_i]) of all stages after the consolidation; strain counts in either direction."""
+    """(shear strain [1], time [t_i]) of all stages after the consolidation; strain counts in either direction.
+
+    How far a layer is sheared under a shear stress is not known before: such a stage counts with no strain, and with
+    all of its time.
+    """
     p, strain, time = params, 0.0, 0.0
     for stage in planned(p.shear_tables()):
-        rate = abs(stage.velocity) * p.inertial_number  # [1/t_i]
+        rate = abs(stage.velocity or 0.0) * p.inertial_number  # [1/t_i]
         takes = min(duration(p, name, value, rate) for name, value in stage.table.until.given.items())
         strain, time = strain + rate * takes, time + takes
     return strain, time

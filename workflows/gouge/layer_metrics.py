@@ -58,8 +58,9 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     platen = lsm.statistics.steady_ratio(sheared.platen_shear_stress, sheared.platen_normal_stress, params.steady_from)
-    normal = float(steady.platen_normal_stress.mean()) / params.normal_stress - 1.0
-    rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / params.normal_stress
+    target = float(steady.servo_stress.mean()) if "servo_stress" in steady else params.normal_stress
+    normal = float(steady.platen_normal_stress.mean()) / target - 1.0
+    rms = float(np.sqrt((steady.platen_normal_rms**2).mean())) / target
     apart = abs(platen.mean / friction.mean - 1.0)
 
     def estimate(name: str) -> lsm.statistics.Estimate:

@@ -12,6 +12,7 @@ from workflows.common.parameter_files import listed
 from workflows.common.parameter_types import OtherNames
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import in_terms_of
+from workflows.gouge.expected_shear import expected
 from workflows.gouge.labels import ROUND
 from workflows.protocol.stage_tables import StageTable
 
@@ -119,6 +120,13 @@ class LayerParams(BaseParams):
         description="the same over the shear stiffness of the layer, that of columns of contacts through its "
         "thickness: far below 1 the machine is soft and the layer may slip in events [1]",
     )
+    normal_stiffness: float | None = Field(
+        default=None,
+        ge=1e-9,
+        le=1e24,
+        description="stiffness of a spring behind the servo over the area of the layer: by so much the normal stress "
+        "rises as the layer thickens, from the begin of shear on; none: it is constant [Pa m-1]",
+    )
     rows_per_strain: int = Field(
         default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
     )
@@ -185,6 +193,15 @@ class LayerParams(BaseParams):
     def staged(self) -> bool:
         """Whether the shear has stages of different kinds: rows tell the repetition of theirs, and slip within it."""
         return True
+
+    def time_of_stages(self) -> float:
+        """Expected time of the stages after the consolidation [s]."""
+        return expected(self)[1] * self.inertial_time
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a shear stress pushes the layer in any of its stages."""
+        return any(table.shear_stress is not None for table in self.shear_tables())
 
     def remarks(self) -> Iterator[str]:
         """That a number of grains gives a layer too thin to have a bulk."""

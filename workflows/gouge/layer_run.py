@@ -135,6 +135,11 @@ def check_resume(experiment: LayerExperiment, params: LayerParams, out: Path) ->
         if isinstance(value, int | float) and value < reached:
             raise lsm.InputError(f"{option_name(name)} {value:g}: must be >= {reached:g}, that of the run in {out}")
     before, now = planned(former.shear_tables()), planned(params.shear_tables())
+    if params.pushed and not former.pushed:
+        raise lsm.InputError(
+            f"stages: shear_stress cannot come into the run in {out}, whose platen was made to follow velocities "
+            "alone; begin a new run with all of its stages"
+        )
     if not continues(now, before):
         raise lsm.InputError(
             f"stages: must begin with those of the run in {out}, the last of which may become longer (config.toml)"
@@ -257,6 +262,7 @@ def _record(
     title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
     pulled = isinstance(sim.platens.drives[1][0], lsm.SpringLoadPoint)
     drive = "by a load point on a spring" if pulled else "in stages" if params.staged else "at constant velocity"
+    drive += ", with a spring behind the servo" * bool(params.normal_stiffness)
     summary = f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared {drive}."
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene

@@ -170,12 +170,16 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
 
 
 def _servo(p: LayerParams, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
-    """The servo of the normal stress, for diameters [m] of the mobile grains and of those of the top platen."""
+    """The servo of the normal stress, for diameters [m] of the mobile grains and of those of the top platen.
+
+    A spring behind it is put in when shear begins.
+    """
     d, (thickness, lengths) = p.diameter, p.layer
     one = lsm.disc() if p.dim == 2 else lsm.sphere()
     unit_mass = p.density * one.measure * (d if p.dim == 2 else 1.0)
     layer_mass, glued_mass = (unit_mass * (sizes**p.dim).sum() for sizes in (mobile, glued))
-    return lsm.ServoStress(
+    kind = lsm.ServoWithSpring if p.normal_stiffness else lsm.ServoStress
+    return kind(
         stress=p.normal_stress,
         outward=1,
         stiffness=p.stiffness * float(np.prod(lengths)) / d ** (p.dim - 2) / thickness,
@@ -185,7 +189,7 @@ def _servo(p: LayerParams, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
 
 
 def _check_steps(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
-    """Refuse runs of too many steps, and a spring of the load point that is too stiff for the step."""
+    """Refuse runs of too many steps, and springs of the load point or behind the servo too stiff for the step."""
     dt = scene.chosen_dt()
     _, shear_time = expected(p)
     steps = shear_time * p.inertial_time / dt
@@ -196,6 +200,11 @@ def _check_steps(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
             f"{p.stiffness_number:g}, or raise --inertial-number or --step-safety {p.step_safety:g}"
         )
     most = inertia / dt**2
+    if p.normal_stiffness and p.normal_stiffness * p.area > most:
+        raise lsm.InputError(
+            f"--normal-stiffness {p.normal_stiffness:g} Pa/m: must be <= {most / p.area:g} Pa/m, for the top platen to "
+            f"be resolved by steps of {dt:.2g} s; lower it, or --step-safety {p.step_safety:g}"
+        )
     if p.spring and p.spring > most:
         name = next(name for name in SPRINGS if getattr(p, name))
         given, unit = getattr(p, name), {"load_stiffness": " N/m", "load_stiffness_area": " Pa/m"}.get(name, "")
@@ -232,22 +241,25 @@ def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
 
 def shear_drive(
     params: LayerParams, velocity: float, inertia: float, change: float = 0.0
-) -> lsm.SpringLoadPoint | lsm.ConstantVelocity:
-    """The drive of the top platen along the shear.
+) -> lsm.SpringLoadPoint | lsm.ConstantVelocity | lsm.VelocityOrStress:
+    """The drive of the top platen along the shear, at a velocity.
 
     Parameters
     ----------
     params
         Of the run: with a load stiffness the drive is a load point with its spring, else the velocity of the platen
-        changes over one inertial time.
+        changes over one inertial time; where a stage has a shear stress, it can be changed to that.
     velocity
         Of the load point or the platen [m s-1].
     inertia
-        Of the platen on its spring [kg].
+        Of the platen on its spring or under a shear stress [kg].
     change
         Of the velocity of the platen [m s-1].
     """
     p = params
     if p.spring:
         return lsm.SpringLoadPoint(velocity, p.spring, inertia)
-    return lsm.ConstantVelocity(velocity, acceleration=max(abs(change), 1e-3 * p.diameter) / p.inertial_time)
+    acceleration = max(abs(change), 1e-3 * p.diameter) / p.inertial_time
+    if p.pushed:
+        return lsm.VelocityOrStress(inertia, velocity=velocity, acceleration=acceleration)
+    return lsm.ConstantVelocity(velocity, acceleration=acceleration)

@@ -54,6 +54,11 @@ class Params(LayerParams):
     def problems_of_shear(self) -> Iterator[str]:
         """Contradictions among the strain to reach, the steady state and the target error."""
         yield from problems_of_stages(self.stages)
+        if self.pushed and self.spring:
+            yield (
+                "stages with shear_stress are not for a layer on a load spring, which has no part in a test at an "
+                "imposed stress: leave out the stiffness of the spring, or give velocity"
+            )
         if self.stages and self.target_error is not None:
             yield "--target-error plans the strain itself: leave out either it or [[stages]]"
         if self.target_error is None and not self.stages and self.strain < self.steady_from + self.least_steady:
@@ -62,8 +67,11 @@ class Params(LayerParams):
                 f"--strain {self.strain:g} must be >= --steady-from {self.steady_from:g} + {self.least_steady:g}: "
                 f"the steady state needs {LEAST_ROWS} rows{slips if self.spring else ''}"
             )
-        if self.target_error and (self.breakable or self.spring or self.effects):
-            yield "--target-error is for layers of whole grains at an imposed velocity, with the default effects"
+        if self.target_error and (self.breakable or self.spring or self.effects or self.normal_stiffness):
+            yield (
+                "--target-error is for layers of whole grains at an imposed velocity and a constant normal stress, "
+                "with the default effects"
+            )
 
     def idle(self) -> dict[str, str]:
         """As of the layer; a target error and stages make parameters of the shear idle."""

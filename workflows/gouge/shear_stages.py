@@ -3,30 +3,36 @@
 from __future__ import annotations
 
 from workflows.gouge.expected_shear import duration
-from workflows.gouge.layer_drives import NORMAL_STRESS, SHEAR_RATE
+from workflows.gouge.layer_drives import NORMAL_STIFFNESS, NORMAL_STRESS, SHEAR_RATE, SHEAR_STRESS
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.protocol.conditions import Reached
 from workflows.protocol.schedule import Change, Spacing, Stage
 from workflows.protocol.stage_tables import Interval, Planned, Sample, planned
 
-TOML_NAME = {SHEAR_RATE: "velocity", NORMAL_STRESS: "normal_stress"}
+TOML_NAME = {SHEAR_RATE: "velocity", SHEAR_STRESS: "shear_stress", NORMAL_STRESS: "normal_stress"}
 SNAPSHOT_STRAIN = 1.0  # shear strain from snapshot to snapshot of a stage
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 
 
 def shear_stages(params: LayerParams, dt: float) -> list[Stage]:
-    """All stages after the consolidation; dt: time step [s]."""
+    """All stages after the consolidation; dt: time step [s]. The first puts the spring behind the servo, if any."""
     all_stages = planned(params.shear_tables())
     last = max((stage.cycle for stage in all_stages), default=0)
-    return [_stage(params, dt, stage, kept=stage.cycle in (0, 1, last)) for stage in all_stages]
+    spring = {NORMAL_STIFFNESS: Change(params.normal_stiffness)} if params.normal_stiffness else {}
+    return [
+        _stage(params, dt, stage, {} if i else spring, kept=stage.cycle in (0, 1, last))
+        for i, stage in enumerate(all_stages)
+    ]
 
 
-def _stage(params: LayerParams, dt: float, stage: Planned, kept: bool) -> Stage:
+def _stage(params: LayerParams, dt: float, stage: Planned, first: dict[str, Change], kept: bool) -> Stage:
+    """One stage; first: what changes in it beside what its table gives."""
     p, table = params, stage.table
     within = table.ramp * p.inertial_time
-    drives = {}
+    drives = dict(first)
     for name, given, scale in (
         (SHEAR_RATE, table.velocity, p.inertial_number / p.inertial_time),
+        (SHEAR_STRESS, table.shear_stress, p.normal_stress),
         (NORMAL_STRESS, table.normal_stress, p.normal_stress),
     ):
         if given is not None:
@@ -49,12 +55,12 @@ def _stage(params: LayerParams, dt: float, stage: Planned, kept: bool) -> Stage:
     )
 
 
-def _spacing(params: LayerParams, dt: float, sample: Sample, velocity: float) -> Spacing:
-    """Steps and samples of rows; of a velocity over that of the inertial number."""
+def _spacing(params: LayerParams, dt: float, sample: Sample, velocity: float | None) -> Spacing:
+    """Steps and samples of rows; of a velocity over that of the inertial number, None under a shear stress."""
 
     def steps(interval: Interval) -> float:
         ((name, value),) = interval.given.items()
-        rate = abs(velocity) * params.inertial_number
+        rate = abs(velocity or 0.0) * params.inertial_number
         return duration(params, name, value, rate) * params.inertial_time / dt
 
     first = steps(sample)

@@ -66,8 +66,14 @@ def conditions(params: Any, sheared: xarray.Dataset, grains: str) -> str:
 
 
 def _stresses(params: Any, sheared: xarray.Dataset) -> str:
-    """The normal stress in words; if stages change it, with the range of their means."""
+    """The normal stress in words, with the spring behind it; if stages change it, with the range of their means."""
     given = f"normal stress {params.normal_stress / 1e6:g} MPa"
+    if "servo_stress" in sheared:
+        stress = sheared.servo_stress.values / 1e6
+        return (
+            f"{given} at first and {stress.min():.3g} to {stress.max():.3g} MPa on a normal stiffness of "
+            f"{params.normal_stiffness / 1e9:.3g} GPa/m"
+        )
     if "cycle" not in sheared:
         return given
     means = sheared.platen_normal_stress.groupby(sheared.stage_index).mean().values / 1e6

@@ -1,7 +1,7 @@
 """Stages as a TOML file gives them, in units of a layer: `[[stages]]`, checked and with their repetitions written out.
 
 Velocities are over the velocity of the inertial number, stresses over the normal stress P, slips in mean diameters d,
-times in inertial times t_i = d sqrt(rho/P).
+times in inertial times t_i = d sqrt(rho/P). A stage drives the platen at a velocity or by a shear stress.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -18,6 +18,7 @@ RESERVED = ("generate", "consolidate")  # stages before the schedule
 NAME = re.compile(r"[A-Za-z][\w-]{0,39}")
 LEAST_VELOCITY = 1e-6  # over that of the inertial number
 Positive = Annotated[float, Field(ge=1e-6, le=1e9)]
+Driven = Literal["velocity", "shear_stress", "normal_stress"]  # what a stage may change
 
 
 class Table(BaseModel):
@@ -75,7 +76,7 @@ class Sample(Interval):
 class Oscillation(Table):
     """A sine about the value of the stage."""
 
-    of: Literal["velocity", "normal_stress"]
+    of: Driven
     amplitude: float = Field(gt=0, lt=1)  # over the value
     period: Positive  # [t_i]
 
@@ -86,6 +87,7 @@ class StageTable(Table):
     name: str
     until: Until
     velocity: float | None = Field(default=None, ge=-1e3, le=1e3)
+    shear_stress: float | None = Field(default=None, ge=-1e3, le=1e3)
     normal_stress: float | None = Field(default=None, ge=1e-3, le=1e3)
     ramp: float = Field(default=0.0, ge=0, le=1e9)
     oscillate: Oscillation | None = None
@@ -101,14 +103,22 @@ class StageTable(Table):
             raise ValueError(
                 f"velocity {self.velocity:g}: must be 0 or at least {LEAST_VELOCITY:g}, over the usual one"
             )
-        if self.oscillate and self.oscillate.of == "velocity" and self.velocity == 0.0:
-            raise ValueError("oscillate: has no effect at a velocity of 0, which it is a share of")
+        if self.velocity is not None and self.shear_stress is not None:
+            raise ValueError(
+                f"velocity {self.velocity:g}, shear_stress {self.shear_stress:g}: the platen can follow one of them; "
+                "leave one out, or give them to two stages"
+            )
+        if self.oscillate and getattr(self, self.oscillate.of) == 0.0:
+            name = self.oscillate.of.replace("_", " ")
+            raise ValueError(f"oscillate: has no effect at a {name} of 0, which it is a share of")
         if self.name in RESERVED:
             raise ValueError(f"name {self.name}: is that of a stage before the schedule, choose another")
         if self.oscillate and getattr(self, self.oscillate.of) is None:
             raise ValueError(f"oscillate.of {self.oscillate.of}: the stage must give {self.oscillate.of} as well")
-        if self.ramp > 0.0 and self.velocity is None and self.normal_stress is None:
-            raise ValueError(f"ramp {self.ramp:g}: nothing changes in this stage; give velocity or normal_stress")
+        if self.ramp > 0.0 and not any(getattr(self, name) is not None for name in get_args(Driven)):
+            raise ValueError(
+                f"ramp {self.ramp:g}: nothing changes in this stage; give velocity, shear_stress or normal_stress"
+            )
         if self.repeat_from is not None and self.repeat == 1:
             raise ValueError(f"repeat_from {self.repeat_from}: has no effect without repeat")
         return self
@@ -125,12 +135,13 @@ class Planned:
     cycle
         Number of its repetition, from 1 on; 0 of a stage that is not repeated.
     velocity
-        That holds in this stage, over that of the inertial number.
+        That holds in this stage, over that of the inertial number; None if a shear stress does, under which it is
+        not known.
     """
 
     table: StageTable
     cycle: int
-    velocity: float
+    velocity: float | None
 
 
 def planned(tables: Sequence[StageTable]) -> list[Planned]:
@@ -140,7 +151,8 @@ def planned(tables: Sequence[StageTable]) -> list[Planned]:
         for cycle in range(1, repeat + 1):
             for table in block:
                 before = found[-1].velocity if found else 0.0
-                velocity = before if table.velocity is None else table.velocity
+                as_before = table.velocity is None and table.shear_stress is None
+                velocity = before if as_before else table.velocity
                 found.append(Planned(table, cycle if repeat > 1 else 0, velocity))
     return found
 
@@ -180,27 +192,28 @@ def problems_of_stages(tables: Sequence[StageTable]) -> Iterator[str]:
         alike = [other for other, same in keys.items() if same == key and other != name]
         if alike and name == min(name, *alike):
             yield f"stages: the names {name} and {', '.join(alike)} are one in the names of metrics; rename all but one"
-    if tables and tables[0].velocity is None:
-        yield f"stages[0].velocity: the first stage, {names[0]}, must give it, such as velocity = 1.0"
+    if tables and tables[0].velocity is None and tables[0].shear_stress is None:
+        yield f"stages[0].velocity: the first stage, {names[0]}, must give it, such as velocity = 1.0, or shear_stress"
     count = sum(repeat * len(block) for block, repeat in _blocks(tables))
     if count > MOST_STAGES:
         yield f"stages: {count} with their repetitions, must be at most {MOST_STAGES}; lower repeat"
         return
-    resting = {id(stage.table) for stage in planned(tables) if stage.velocity == 0.0}
+    timed = {id(stage.table): stage.velocity for stage in planned(tables) if not stage.velocity}
     for i, table in enumerate(tables):
-        if id(table) in resting:
-            yield from _problems_at_rest(f"stages[{i}]", table)
+        if id(table) in timed:
+            why = "is under a shear stress" if timed[id(table)] is None else "stands still"
+            yield from _problems_of_times(f"stages[{i}]", table, f"{table.name} {why}")
 
 
-def _problems_at_rest(where: str, table: StageTable) -> Iterator[str]:
-    """What cannot be of a stage in which the platen stands still: no strain and no slip come."""
+def _problems_of_times(where: str, table: StageTable, why: str) -> Iterator[str]:
+    """What cannot be of a stage whose strain and slip do not come, or come at an unknown time."""
     if table.until.time is None:
-        yield f"{where}.until: {table.name} stands still, must have a time, such as until = {{time = 100.0}}"
+        yield f"{where}.until: {why}, must have a time, such as until = {{time = 100.0}}"
     for name, given in (("sample", table.sample), ("sample.most", table.sample and table.sample.most)):
         if given is not None and given.time is None:
-            yield f"{where}.{name}: {table.name} stands still, must be a time, such as {{time = 1.0}}"
+            yield f"{where}.{name}: {why}, must be a time, such as {{time = 1.0}}"
     if table.sample is None:
-        yield f"{where}.sample: {table.name} stands still, must be given as a time, such as {{time = 1.0}}"
+        yield f"{where}.sample: {why}, must be given as a time, such as {{time = 1.0}}"
 
 
 def _blocks(tables: Sequence[StageTable]) -> Iterator[tuple[Sequence[StageTable], int]]:

@@ -5,15 +5,16 @@ import pytest
 from workflows import shear_gouge
 from workflows.common.parameters import ParameterError, merge, to_toml
 from workflows.gouge.expected_shear import expected
-from workflows.gouge.layer_drives import NORMAL_STRESS, SHEAR_RATE
+from workflows.gouge.layer_drives import NORMAL_STIFFNESS, NORMAL_STRESS, SHEAR_RATE, SHEAR_STRESS
 from workflows.gouge.shear_stages import shear_stages
 from workflows.protocol.schedule import Change
-from workflows.protocol.stage_tables import StageTable, planned
+from workflows.protocol.stage_tables import StageTable, continues, planned
 
 RUN_IN = {"name": "run-in", "velocity": 1.0, "until": {"strain": 1.0}}
 UP = {"name": "up", "velocity": 3.0, "until": {"slip": 2.0}}
 DOWN = {"name": "down", "velocity": 1.0, "until": {"slip": 2.0}, "repeat": 3, "repeat_from": "up"}
 HOLD = {"name": "hold", "velocity": 0.0, "until": {"time": 10.0}, "sample": {"time": 1.0}}
+CREEP = {"name": "creep", "shear_stress": 0.2, "until": {"time": 50.0, "slip": 3.0}, "sample": {"time": 1.0}}
 
 
 def tables(*given):
@@ -58,7 +59,15 @@ def test_a_stage_without_a_velocity_keeps_that_before_it():
             [RUN_IN, HOLD | {"oscillate": {"of": "velocity", "amplitude": 0.5, "period": 1.0}}],
             "oscillate: has no effect at a velocity of 0",
         ),
-        ([RUN_IN | {"ramp": 1.0, "velocity": None}], "ramp 1: nothing changes in this stage"),
+        ([RUN_IN | {"ramp": 1.0, "velocity": None}], "ramp 1: nothing changes .*give velocity, shear_stress or normal"),
+        ([RUN_IN, CREEP | {"velocity": 1.0}], r"velocity 1, shear_stress 0\.2: the platen can follow one of them"),
+        ([RUN_IN, CREEP | {"until": {"slip": 3.0}}], r"stages\[1\]\.until: creep is under a shear stress, must"),
+        ([RUN_IN, CREEP | {"sample": {"slip": 1.0}}], r"stages\[1\]\.sample: creep is under a shear stress, "),
+        ([CREEP, {"name": "on", "until": {"strain": 1.0}}], r"stages\[1\]\.until: on is under a shear stress"),
+        (
+            [CREEP | {"shear_stress": 0.0, "oscillate": {"of": "shear_stress", "amplitude": 0.5, "period": 1.0}}],
+            "oscillate: has no effect at a shear stress of 0",
+        ),
         (
             [RUN_IN | {"oscillate": {"of": "normal_stress", "amplitude": 0.1, "period": 5.0}}],
             "must give normal_stress as well",
@@ -90,3 +99,52 @@ def test_the_units_are_those_of_the_layer():
     assert (made.until.slip, made.until.time) == (4.0 * params.diameter, 1e6 * unit)
     assert made.spacing.steps == pytest.approx(50.0) and made.spacing.most == pytest.approx(100.0)  # 0.02/(2 I) = 1 t_i
     assert expected(params) == pytest.approx((0.2, 10.0))  # 4 d at 0.4 d per t_i, 20 d thick
+
+
+def test_a_shear_stress_is_over_the_normal_stress_and_lasts_until_a_velocity():
+    """And nobody knows how far it shears the layer."""
+    wave = {"ramp": 3.0, "oscillate": {"of": "shear_stress", "amplitude": 0.1, "period": 20.0}}
+    after = {"name": "after", "until": {"time": 7.0}, "sample": {"time": 1.0}}
+    params = shear_gouge.Params(stages=[RUN_IN, CREEP | wave, after, UP], normal_stress=2e6, normal_stiffness=1e9)
+    assert params.pushed and not shear_gouge.Params(stages=[RUN_IN, HOLD]).pushed
+    assert [stage.velocity for stage in planned(params.stages)] == [1.0, None, None, 3.0]
+    unit = params.inertial_time
+    run_in, creep, after, up = shear_stages(params, 0.01 * unit)
+    assert creep.drives == {SHEAR_STRESS: Change(0.4e6, 3.0 * unit, 0.1, 20.0 * unit)}
+    assert after.drives == {} and set(up.drives) == {SHEAR_RATE}
+    assert run_in.drives[NORMAL_STIFFNESS] == Change(1e9)  # the spring is put in as shear begins
+    assert creep.spacing.steps == pytest.approx(100.0)
+    strain, time = expected(params)
+    in_up = 2.0 * params.diameter / params.layer[0]
+    assert (strain, time) == pytest.approx((1.0 + in_up, 1e3 + 57.0 + in_up / 3e-3))
+
+
+def test_a_layer_on_a_load_spring_takes_no_shear_stress():
+    with pytest.raises(ParameterError, match=r"not for a layer on a load spring, .*leave out the stiff"):
+        shear_gouge.Params(stages=[RUN_IN, CREEP], load_stiffness_ratio=0.1)
+
+
+LONGER_UP = UP | {"until": {"slip": 3.0}}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "goes_on"),
+    [
+        ([RUN_IN, UP], [RUN_IN, UP], True),
+        ([RUN_IN, UP], [RUN_IN, UP, HOLD], True),
+        ([RUN_IN, UP], [RUN_IN, LONGER_UP, HOLD], True),
+        ([RUN_IN, UP, DOWN], [RUN_IN, UP, DOWN | {"repeat": 5}], True),
+        ([RUN_IN, UP, DOWN], [RUN_IN, UP, DOWN | {"repeat": 5}, HOLD], True),
+        ([RUN_IN, UP], [RUN_IN], False),
+        ([RUN_IN, LONGER_UP], [RUN_IN, UP], False),
+        ([RUN_IN, UP], [RUN_IN, UP | {"until": {"strain": 3.0}}], False),
+        ([RUN_IN, UP], [RUN_IN, UP | {"velocity": 2.0}, HOLD], False),
+        ([RUN_IN, UP], [RUN_IN | {"until": {"strain": 2.0}}, UP], False),
+        ([RUN_IN, UP, DOWN], [RUN_IN, UP, DOWN | {"repeat": 2}], False),
+        ([RUN_IN, UP, DOWN], [RUN_IN, LONGER_UP, DOWN], False),
+        ([RUN_IN, UP], [RUN_IN, UP | {"repeat": 2}], False),  # whose rows have other numbers of their repetition
+        ([], [RUN_IN], False),
+    ],
+)
+def test_stages_go_on_with_others_that_they_begin_with(before, after, goes_on):
+    assert continues(planned(tables(*after)), planned(tables(*before))) == goes_on
