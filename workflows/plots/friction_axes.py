@@ -48,17 +48,21 @@ def draw_zero(axes: Any) -> None:
         axes.axhline(0.0, color=COLOUR_OF_ZERO, lw=0.8, zorder=1)
 
 
-def mark_stages(axes: Any, sheared: xarray.Dataset) -> None:
-    """A line where each stage of a run begins, and the name of those that have room for it, at the foot of the axes."""
-    strain, index = sheared.shear_strain.values, sheared.stage_index.values
+def mark_stages(axes: Any, along: NDArray, sheared: xarray.Dataset) -> None:
+    """A line where each stage of a run begins, and the name of those that have room for it, at the foot of the axes.
+
+    along: values (n,) of the rows along the horizontal axis, of which a stage begins at that of the row before it.
+    """
+    index = sheared.stage_index.values
     begins = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
-    ends = [*begins[1:], len(strain) - 1]
+    lines = along[np.maximum(begins - 1, 0)]
+    ends = [*lines[1:], along[-1]]
     width = axes.get_xlim()[1]
-    for begin, end in zip(begins, ends, strict=True):
-        axes.axvline(strain[begin], color="0.6", lw=0.7, ls=":", zorder=1)
-        name = str(sheared.stage.values[begin])
-        if strain[end] - strain[begin] > ROOM_OF_LETTER * width * len(name):
-            middle = 0.5 * (strain[begin] + strain[end])
+    for row, begin, end in zip(begins, lines, ends, strict=True):
+        axes.axvline(begin, color="0.6", lw=0.7, ls=":", zorder=1)
+        name = str(sheared.stage.values[row])
+        if end - begin > ROOM_OF_LETTER * width * len(name):
+            middle = 0.5 * (begin + end)
             place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "bottom"}
             paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}  # above the line of zero friction
             axes.text(middle, 0.02, name, fontsize=8, bbox=paper, **place)

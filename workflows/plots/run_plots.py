@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from workflows.gouge.labels import effect_words, shape_words, spring_words
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published, draw_seeds
+from workflows.plots.course import Course, course_of, pushed, slip_of
 from workflows.plots.friction_axes import (
     DASHES,
     SMOOTH_STRAIN,
@@ -37,33 +38,42 @@ from workflows.plots.layer_pictures import (
 from workflows.plots.run_titles import conditions, params_of, title_of, wrapped
 from workflows.plots.slip_and_breakage import draw_breakage, draw_spring
 
+if TYPE_CHECKING:
+    import xarray
+
 MOST_LISTED = 4  # grains that a title names
+SPACE = 1.5  # length of an axis over what its curves need, for the legend above them
 
 
 def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
     """Draw run.png of a run of shear-gouge: friction, layer, thickness and energy; returns its path.
 
+    The curves of a run at one velocity are drawn against shear strain, those of stages against slip or time: `Course`.
     A layer on a spring has a panel of what the spring does, one of breakable grains a panel of their breakage.
     """
     out, path = Path(out), Path(out) / f"run.{kind}"
     dataset = lsm.open_run(out / "run.nc")
     params, sheared = params_of(dataset), sheared_rows(dataset)
+    course = course_of(sheared, params)
     more = [draw_spring] * bool(spring_words(params)) + [draw_breakage] * ("bond_count" in sheared)
     places = "ab;cd" + ("", ";ee", ";ef")[len(more)]
     with figure_at(path, (11, 12 if more else 8)) as figure:
         panels = figure.subplot_mosaic(places)
         friction, packing, thickness, energy = (panels[letter] for letter in "abcd")
-        _draw_friction(friction, sheared, params)
+        if "cycle" in sheared:
+            _draw_stages(friction, sheared, params, course)
+        else:
+            _draw_friction(friction, sheared, params)
         drawn = draw_packing(packing, read_snapshot(out / "grains.nc"))
         pieces = ", the pieces of its grains" if "bond_count" in sheared else ""
         # In two lines, since a 3D layer is narrow.
         title = f"(b) layer at strain {float(sheared.shear_strain[-1]):.2g}{pieces}\n{section_words(params.dim)}"
         packing.set_title(title.rstrip())
         draw_colour_bar(figure, drawn, cax=bar_beside(packing))
-        _draw_thickness(thickness, sheared, COLOUR[params.shape])
-        _draw_energy(energy, sheared)
+        _draw_thickness(thickness, sheared, course, COLOUR[params.shape])
+        _draw_energy(energy, sheared, course)
         for letter, draw in zip("ef", more):
-            draw(panels[letter], sheared, letter)
+            draw(panels[letter], sheared, letter, course)
         figure.suptitle(title_of(dataset))
     return path
 
@@ -184,28 +194,47 @@ def _draw_friction(axes, sheared, params):
     axes.plot(strain, smoothed(strain, platen), "k:", lw=1.2, label="the same at the top platen")
     axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
     axes.set_title("(a) friction: shear stress / normal stress")
-    if "cycle" in sheared:
-        axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), space=1.5))
-        mark_stages(axes, sheared)
-        draw_zero(axes)
-        axes.legend(loc="upper left")
-        return
     steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
     since, last = params.steady_from, strain[-1]
     axes.plot([since, last], [steady.mean] * 2, "k", ls=DASHES, lw=1.2, label=f"steady: {estimate_text(steady)}")
     if np.isfinite(steady.half_width):
         axes.fill_between([since, last], *steady.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
-    axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), steady.interval, space=1.5))
+    axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), steady.interval, space=SPACE))
     draw_zero(axes)
     axes.legend(loc="upper left")
 
 
-def _draw_thickness(axes, sheared, colour):
+def _draw_stages(axes: Any, sheared: xarray.Dataset, params: Any, course: Course) -> None:
+    """Friction through stages, at the platen as a laboratory measures it; against time with the slip of the platen."""
+    platen, bulk = (sheared.platen_shear_stress / sheared.platen_normal_stress).values, sheared.friction.values
+    colour, imposed = COLOUR[params.shape], pushed(sheared)
+    axes.plot(course.values, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
+    axes.plot(course.values, platen, color=colour, lw=1.3, label="at the top platen")
+    if imposed.any():
+        ratio = (sheared.imposed_shear_stress / sheared.platen_normal_stress).values
+        axes.plot(course.values, ratio, "k", ls=DASHES, lw=1.2, label="imposed")
+    course.name_axis(axes)
+    axes.set(ylabel="friction [1]")
+    axes.set_title("(a) friction: shear stress / normal stress")
+    axes.set_ylim(axis_limits(bulk, platen, space=SPACE))
+    if course.timed:
+        slip = axes.twinx()
+        diameters = 2.0 * slip_of(sheared) / (params.smallest_diameter + params.largest_diameter)
+        slip.plot(course.values, diameters, color="0.35", lw=1.0, ls="-.")
+        slip.set_ylabel("slip [mean diameters] (dash-dotted)")
+        slip.set_ylim(0.0, SPACE * float(diameters[-1]))
+        slip.spines["right"].set_visible(True)
+    mark_stages(axes, course.values, sheared)
+    draw_zero(axes)
+    axes.legend(loc="upper left")
+
+
+def _draw_thickness(axes, sheared, course, colour):
     """Thickness, and porosity as a second scale of the same curve: the volume of the grains does not change."""
     from matplotlib.ticker import MaxNLocator
 
     thickness = 1e3 * sheared.layer_thickness.values
-    axes.plot(sheared.shear_strain, thickness, color=colour, lw=1.3)
+    axes.plot(course.values, thickness, color=colour, lw=1.3)
     solid = float(np.mean(thickness * (1.0 - sheared.porosity.values)))
     scales = (lambda height: 1.0 - solid / height, lambda porosity: solid / (1.0 - porosity))
     second = axes.secondary_yaxis("right", functions=scales)
@@ -213,25 +242,29 @@ def _draw_thickness(axes, sheared, colour):
     second.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
     second.spines["right"].set_visible(True)
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
-    axes.set(xlim=(0, float(sheared.shear_strain[-1])), xlabel="shear strain [1]", ylabel="layer thickness [mm]")
+    course.name_axis(axes)
+    axes.set(ylabel="layer thickness [mm]")
     axes.set_title("(c) layer thickness and porosity")
 
 
-def _draw_energy(axes, sheared):
+def _draw_energy(axes, sheared, course):
     """Work done and where it went, all since shear began."""
     since = sheared - sheared.isel(time=0)
-    strain, lost = sheared.shear_strain.values, since.dissipated_energy.values
+    lost = since.dissipated_energy.values
     work, residual = since.external_work.values, np.abs(since.energy_residual.values).max()
     stored = (since.translational_energy + since.rotational_energy + since.elastic_energy).values
     unit, factor = _unit(np.abs(work).max())
     kinds = [i for i in range(lost.shape[1]) if np.any(lost[:, i])]
     names = [f"dissipated: {effect_words(str(sheared.effect_name.values[i]))}" for i in kinds]
     axes.stackplot(
-        strain, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
+        course.values, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
     )
-    axes.plot(strain, factor * work, "k", lw=1.5, label="work of the platens")
-    axes.plot(strain, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
-    axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel=f"energy since shear began [{unit}]")
+    axes.plot(course.values, factor * work, "k", lw=1.5, label="work of the platens")
+    axes.plot(course.values, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
+    course.name_axis(axes)
+    axes.set(ylabel=f"energy since shear began [{unit}]")
+    if "cycle" in sheared:  # energy does not rise evenly, and would meet the legend
+        axes.set_ylim(axis_limits(factor * work, factor * stored, factor * lost[:, kinds].sum(axis=1), space=SPACE))
     axes.legend(loc="upper left", reverse=True)
     share = residual / max(float(sheared.work_throughput[-1]), 1e-300)
     axes.set_title(f"(d) energy budget; residual at most {100 * share:.1g} % of the work")
