@@ -116,6 +116,10 @@ class Params(pydantic.BaseModel):
         """Fields that have no effect beside the values of the others, each with the reason; none here."""
         return {}
 
+    def time_of_stages(self) -> float:
+        """Expected time of the stages of a run after its start [s]; nan where it has none."""
+        return float("nan")
+
     def resolved(self) -> dict[str, Any]:
         """Values by field, with what stands for those that are none, as far as it is known before a run."""
         return {name: getattr(self, name) for name in type(self).model_fields}

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from workflows import shear_gouge
 from workflows.cli import inspect_run
 from workflows.cli.main import main
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.parameters import to_toml
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"workflow": "a", "preset": null, "metrics": []}', "\xff"])
@@ -100,6 +102,34 @@ def test_info_says_how_far_an_unfinished_run_has_come(tmp_path, capsys):
     (tmp_path / "summary.json").write_text('{"metrics": {}}')
     main(["info", str(tmp_path)])
     assert "so far" not in capsys.readouterr().out
+
+
+def test_info_says_stage_cycle_and_share_of_a_run_through_stages(tmp_path, capsys):
+    """After 30 of 80 t_i; the checkpoint counts 20 of them, in 40 s."""
+    until, sample = {"time": 20.0}, {"time": 1.0}
+    stages = [{"name": "slide", "velocity": 1.0, "until": until, "sample": sample}]
+    stages += [{"name": "creep", "shear_stress": 0.1, "until": until, "sample": sample, "repeat": 3}]
+    params = shear_gouge.Params(stages=stages)
+    (tmp_path / "config.toml").write_text(to_toml(params, "shear-gouge"))
+    with netCDF4.Dataset(tmp_path / "run.nc", "w") as file:
+        file.run_status = "interrupted"
+        file.createDimension("time", 5)
+        file.createVariable("time", "f8", "time")[:] = params.inertial_time * np.array([0.0, 30.0, 40.0, 50.0, 60.0])
+        file.createVariable("strain", "f8", ())[...] = math.nan
+        file.createVariable("shear_strain", "f8", "time")[:] = [0.0, 0.0, 0.01, 0.02, 0.02]
+        names = ["generate", "consolidate", "slide", "slide", "creep"]
+        file.createVariable("stage", str, "time")[:] = np.array(names, object)
+        file.createVariable("cycle", "i4", "time")[:] = [0, 0, 0, 0, 2]
+    with netCDF4.Dataset(tmp_path / "checkpoint.nc", "w") as file:
+        file.setncatts({"grains": 40, "step": 700, "run_state": json.dumps({"rows": 4, "seconds": 40.0})})
+    main(["info", str(tmp_path)])
+    said = capsys.readouterr().out
+    assert "stage creep 2, 38 % of the time of all stages, shear strain 0.02 in the last row, about 01:40 left" in said
+    with netCDF4.Dataset(tmp_path / "run.nc", "a") as file:  # stages that took longer than they were expected to
+        file["time"][4] = 190.0 * params.inertial_time
+    main(["info", str(tmp_path)])
+    said = capsys.readouterr().out
+    assert "200 % of the time of all stages, shear strain 0.02 in the last row, about 00:00 left" in said
 
 
 def test_info_says_how_to_go_on_with_a_run_that_has_only_begun(tmp_path, capsys):
