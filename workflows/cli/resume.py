@@ -13,12 +13,12 @@ from taichi_lsm.core.errors import InputError
 from workflows.cli.execution import execute
 from workflows.common.exit_codes import CLAIM_NOT_MET, COMPLETE
 from workflows.common.metrics import failed_claims, read_summary
-from workflows.common.parameter_files import config_in, experiment_of
+from workflows.common.parameter_files import config_in, experiment_of, read_for
 from workflows.common.parameter_problems import as_written
-from workflows.common.parameters import merge, option_name
+from workflows.common.parameters import ParameterError, merge, option_name
 from workflows.common.run_folder import is_complete
 
-OF_FOLDER = ("config", "preset", "out", "overwrite")  # options that the folder decides
+OF_FOLDER = ("preset", "out", "overwrite")  # options that the folder decides
 
 
 def resume(
@@ -38,7 +38,7 @@ def resume(
     folder
         Of the run.
     tokens
-        Options of its experiment as on the command line.
+        Options of its experiment as on the command line; what a file gives (--config) counts as such.
 
     Raises
     ------
@@ -59,6 +59,8 @@ def resume(
         raise InputError(f"{', '.join(wrong)}: must not be given to resume, which goes on in {folder} as it began")
     common = {key: options.pop(key) for key in ("quiet", "strict", "yes") if key in options}
     config = config_in(folder)
+    if "config" in options:
+        options = _of_file(Path(options.pop("config")), name, found, config) | options
     if is_complete(folder) and _same(found[name], name, config, options):
         print(f"{folder}: the run is complete, there is nothing to go on with")
         missed = failed_claims(read_summary(folder) or {})
@@ -70,6 +72,28 @@ def resume(
             f"lsm {name} --config {config} {told} ... --out {folder} --overwrite"
         )
     return execute(name, found[name], options, out=str(folder), config=str(config), existing="resume", **common)
+
+
+def _of_file(path: Path, name: str, found: Mapping[str, ModuleType], config: Path) -> dict[str, Any]:
+    """The parameters that a file gives to an experiment, such as more stages; those it leaves out are as in `config`.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, or is of another experiment or preset than the run.
+    """
+    problems: list[str] = []
+    fields = {key: set(module.Params.model_fields) for key, module in found.items()}
+    own = fields.pop(name)
+    given, former = (read_for(file, name, own, fields, problems) for file in (path, config))
+    if given.shared and not (given.top or given.own):
+        problems.append(f"--config {path}: gives nothing to {name}, of which the run is.")
+    if given.preset not in (None, former.preset):
+        was = former.preset or "not given"
+        problems.append(f"preset {given.preset} ({path}): is {was} in {config}, and cannot change; leave it out.")
+    if problems:
+        raise ParameterError(problems)
+    return {**given.top, **given.own}
 
 
 def _same(module: ModuleType, name: str, config: Path, options: dict[str, Any]) -> bool:

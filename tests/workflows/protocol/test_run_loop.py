@@ -179,6 +179,15 @@ def test_a_finished_run_can_be_made_longer(go):
     assert same.lines == short.lines and same.pictures == short.pictures
 
 
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_a_finished_run_goes_on_through_more_stages(go, stages):
+    short, long = World(), World()
+    assert go.run(short, schedule()[:stages]) and go.run(long, schedule())
+    assert len(short.lines) < len(long.lines)
+    resumed = go.resume(short.saved, schedule())
+    assert resumed.lines == long.lines and resumed.pictures == long.pictures and resumed.state == long.state
+
+
 @pytest.mark.parametrize(("strain", "speed"), [(0.5, 40.0), (0.01, float("nan"))])
 def test_the_speed_of_a_run_leaves_out_the_row_in_which_it_compiles(go, monkeypatch, strain, speed):
     """Ten grains; a step takes a quarter of a second, the first one a hundred seconds more."""
