@@ -8,6 +8,70 @@ def series(name: str, units: str, long_name: str, dtype: str = "f64", dims: tupl
     return Variable(name, dims, dtype, units, long_name)
 
 
+ALWAYS = [
+    series(
+        "shear_strain",
+        "1",
+        "shear strain: sum of displacement increments over the thickness at each, since shear began",
+    ),
+    series("displacement", "m", "shear displacement of the top platen against the bottom platen"),
+    series("friction", "1", "shear stress over normal stress in the bulk of the layer"),
+    series("shear_stress", "Pa", "shear stress in the bulk, at least 3 diameters from the platens"),
+    series("normal_stress", "Pa", "normal stress in the bulk, compression positive"),
+    series(
+        "platen_shear_stress",
+        "Pa",
+        "shear stress on the top platen, mean over all steps since the last row",
+    ),
+    series(
+        "platen_normal_stress",
+        "Pa",
+        "normal stress on the top platen, mean over all steps since the last row",
+    ),
+    series(
+        "platen_normal_rms",
+        "Pa",
+        "root mean square deviation of the normal stress on the platen from its target",
+    ),
+    series("layer_thickness", "m", "distance between the reference planes of the platens"),
+    series("porosity", "1", "share of the layer not filled by mobile grains"),
+    series(
+        "plate_velocity",
+        "m s-1",
+        "velocity of the top platen against the bottom platen along the shear, mean since the last row",
+    ),
+    series("instantaneous_plate_velocity", "m s-1", "the same at the time of the row"),
+    series(
+        "load_point_velocity",
+        "m s-1",
+        "velocity imposed on the load point, or on the platen if no spring pulls it",
+    ),
+    series("translational_energy", "J", "kinetic energy of translation, platens included"),
+    series("rotational_energy", "J", "kinetic energy of rotation"),
+    series("elastic_energy", "J", "energy stored in the contacts"),
+    series("dissipated_energy", "J", "energy dissipated since the start, by effect", dims=("time", "effect")),
+    series("external_work", "J", "work of the drives since the start"),
+    series(
+        "energy_residual",
+        "J",
+        "external work less changes of kinetic and elastic energy less dissipation",
+    ),
+    series(
+        "work_throughput",
+        "J",
+        "integral of the absolute power of shear and of normal load since shear began",
+    ),
+    series("contact_count", "1", "contacts with at least one mobile grain"),
+    series("coordination_number", "1", "mean number of contacts of a mobile grain"),
+    series("sliding_fraction", "1", "share of the contacts that slide, by their friction law"),
+    series("deepest_overlap", "1", "greatest overlap over its limit"),
+    series("inertial_number", "1", "mean shear rate since the last row times diameter times sqrt(density/stress)"),
+]
+BONDS = [
+    series("bond_count", "1", "bonds that have not broken", dtype="i32"),
+    series("fragment_count", "1", "mobile grains that no intact bond joins, or groups that bonds join", dtype="i32"),
+]
+STRETCH = series("spring_stretch", "m", "stretch of the spring between load point and top platen")
 IMPOSED = series("imposed_shear_stress", "Pa", "shear stress imposed on the top platen; missing where its velocity is")
 SERVO = series("servo_stress", "Pa", "normal stress that the servo keeps, with the spring behind it")
 
@@ -19,76 +83,4 @@ def layer_rows(
 
     sprung: a spring pulls it; pushed: a shear stress may be imposed on it; confined: a spring is behind its servo.
     """
-    return (
-        [
-            series(
-                "shear_strain",
-                "1",
-                "shear strain: sum of displacement increments over the thickness at each, since shear began",
-            ),
-            series("displacement", "m", "shear displacement of the top platen against the bottom platen"),
-            series("friction", "1", "shear stress over normal stress in the bulk of the layer"),
-            series("shear_stress", "Pa", "shear stress in the bulk, at least 3 diameters from the platens"),
-            series("normal_stress", "Pa", "normal stress in the bulk, compression positive"),
-            series(
-                "platen_shear_stress",
-                "Pa",
-                "shear stress on the top platen, mean over all steps since the last row",
-            ),
-            series(
-                "platen_normal_stress",
-                "Pa",
-                "normal stress on the top platen, mean over all steps since the last row",
-            ),
-            series(
-                "platen_normal_rms",
-                "Pa",
-                "root mean square deviation of the normal stress on the platen from its target",
-            ),
-            series("layer_thickness", "m", "distance between the reference planes of the platens"),
-            series("porosity", "1", "share of the layer not filled by mobile grains"),
-            series(
-                "plate_velocity",
-                "m s-1",
-                "velocity of the top platen against the bottom platen along the shear, mean since the last row",
-            ),
-            series("instantaneous_plate_velocity", "m s-1", "the same at the time of the row"),
-            series(
-                "load_point_velocity",
-                "m s-1",
-                "velocity imposed on the load point, or on the platen if no spring pulls it",
-            ),
-            series("translational_energy", "J", "kinetic energy of translation, platens included"),
-            series("rotational_energy", "J", "kinetic energy of rotation"),
-            series("elastic_energy", "J", "energy stored in the contacts"),
-            series("dissipated_energy", "J", "energy dissipated since the start, by effect", dims=("time", "effect")),
-            series("external_work", "J", "work of the drives since the start"),
-            series(
-                "energy_residual",
-                "J",
-                "external work less changes of kinetic and elastic energy less dissipation",
-            ),
-            series(
-                "work_throughput",
-                "J",
-                "integral of the absolute power of shear and of normal load since shear began",
-            ),
-            series("contact_count", "1", "contacts with at least one mobile grain"),
-            series("coordination_number", "1", "mean number of contacts of a mobile grain"),
-            series("sliding_fraction", "1", "share of the contacts that slide, by their friction law"),
-            series("deepest_overlap", "1", "greatest overlap over its limit"),
-            series(
-                "inertial_number", "1", "mean shear rate since the last row times diameter times sqrt(density/stress)"
-            ),
-        ]
-        + [
-            series("bond_count", "1", "bonds that have not broken", dtype="i32"),
-            series(
-                "fragment_count", "1", "mobile grains that no intact bond joins, or groups that bonds join", dtype="i32"
-            ),
-        ]
-        * bonded
-        + [series("spring_stretch", "m", "stretch of the spring between load point and top platen")] * sprung
-        + [IMPOSED] * pushed
-        + [SERVO] * confined
-    )
+    return [*ALWAYS, *BONDS * bonded, *[STRETCH] * sprung, *[IMPOSED] * pushed, *[SERVO] * confined]

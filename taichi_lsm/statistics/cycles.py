@@ -1,6 +1,6 @@
 """Repetitions of a stage of a run side by side, on common slips: what a stack of velocity steps is made of."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -69,24 +69,29 @@ def stack_cycles(
     middle = slip - 0.5 * np.diff(slip, prepend=slip[0])
     passages = [_rows(run, place, slip, middle, before) for place in places]
     grid = _grid(stage, [x for _, x, _ in passages], slips)
-    time, series = np.asarray(run.time, float), _series(run)
-    halfway = time - 0.5 * np.diff(time, prepend=time[0])
-    data = {
-        name: ((("cycle", ALONG)), np.stack([np.interp(grid, x, y[rows]) for rows, x, _ in passages]), attrs)
-        for name, (y, attrs) in series.items()
-    }
-    since = [np.interp(grid, x, halfway[rows] - time[begin]) for rows, x, begin in passages]
-    data["time_since_step"] = (("cycle", ALONG), np.stack(since), {"units": "s", "long_name": "time since the step"})
     cycles = np.asarray(run.cycle)[[begin + 1 for _, _, begin in passages]]
     number = cycles if np.all(cycles > 0) else np.arange(1, len(passages) + 1)
     return xarray.Dataset(
-        data,
+        _on_grid(run, passages, grid),
         {
             "cycle": ("cycle", number, {"long_name": f"repetition of the stage {stage}"}),
             ALONG: (ALONG, grid, {"units": "m", "long_name": "slip since the step"}),
         },
         {"title": f"Stage {stage}, one row for each time that it was gone through", "stage": stage},
     )
+
+
+def _on_grid(run: "Dataset", passages: list[tuple[npt.NDArray[np.int64], Array, int]], grid: Array) -> dict[str, Any]:
+    """{name: (dimensions, values (cycle, slip), attributes)} of all series, on common slips (n,) [m]."""
+    time, series = np.asarray(run.time, float), _series(run)
+    halfway = time - 0.5 * np.diff(time, prepend=time[0])
+    data = {
+        name: (("cycle", ALONG), np.stack([np.interp(grid, x, y[rows]) for rows, x, _ in passages]), attrs)
+        for name, (y, attrs) in series.items()
+    }
+    since = [np.interp(grid, x, halfway[rows] - time[begin]) for rows, x, begin in passages]
+    data["time_since_step"] = (("cycle", ALONG), np.stack(since), {"units": "s", "long_name": "time since the step"})
+    return data
 
 
 def _places(run: "Dataset", stage: str) -> npt.NDArray:

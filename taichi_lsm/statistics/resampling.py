@@ -32,6 +32,11 @@ class Resampled(NamedTuple):
     high: float = math.nan
     unknown: str = ""
 
+    @property
+    def interval(self) -> tuple[float, float]:
+        """(least, greatest) of the 95 % interval."""
+        return self.low, self.high
+
     def __repr__(self) -> str:
         """The value, its error and the interval: "0.0151 +- 0.0012, 95 % interval 0.0127 to 0.0175"."""
         if self.unknown:

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Table
 
-from taichi_lsm.statistics.resampling import Resampled
-
 if TYPE_CHECKING:
-    from taichi_lsm.statistics import Estimate
+    from taichi_lsm.statistics import Estimate, Resampled
 
 FILE = "summary.json"
 WIDE = 110  # characters of a terminal in which notes have a column of their own
@@ -86,11 +84,9 @@ def metrics_of_value(name: str, found: "Estimate | Resampled", unit: str, note: 
     Where the error is unknown its note says why.
     """
     unknown = math.isnan(found.standard_error)
-    low, high = (found.low, found.high) if isinstance(found, Resampled) else found.interval
-    value = found.value if isinstance(found, Resampled) else found.mean
     why = f"unknown: {found.unknown}" if unknown else None
     return {
-        name: Metric(value, unit, interval=None if unknown else (low, high), note=note),
+        name: Metric(found[0], unit, interval=None if unknown else found.interval, note=note),
         f"{name}_se": Metric(found.standard_error, unit, note=why),
     }
 
