@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from taichi_lsm.statistics import LawComparison, StepFit
 
+ROOM = 0.3  # for the legend, over the span of the friction
 FINE = 400  # points of a curve
 LINES = {"ageing": "-", "slip": DASHES}
 
@@ -55,7 +56,10 @@ def plot_velocity_steps(
                 axes.plot(slip / size, fitted, "k", ls=LINES[fit.law], lw=1.1, label=_words(fit))
             words = f"V to {ratio:.3g} V" if stage == UP else f"{ratio:.3g} V to V"
             axes.set(title=f"({letter}) friction after steps from {words}", ylabel="friction at the platen [1]")
-            axes.legend(loc="upper right" if stage == UP else "lower right", fontsize=8)  # beside the transient
+            low, high = axes.get_ylim()
+            room = ROOM * (high - low)
+            axes.set_ylim(*((low, high + room) if stage == UP else (low - room, high)))  # beyond the transient
+            axes.legend(loc="upper right" if stage == UP else "lower right", fontsize=8)
         for stage, colour, words in ((UP, ORANGE, "step up"), (DOWN, BLUE, "step down")):
             draw_stack(porosity, stacks[stage], "porosity", size, colour, words)
         porosity.set(title="(c) porosity", ylabel="porosity [1]")
