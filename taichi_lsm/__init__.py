@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from . import shapes as shapes
     from . import statistics as statistics
     from .bonds.fragments import fragments as fragments
+    from .boundaries.cell_servo import CellServo as CellServo
     from .boundaries.platen_drives import ConstantVelocity as ConstantVelocity
     from .boundaries.platen_drives import Fixed as Fixed
     from .boundaries.platen_drives import ServoStress as ServoStress
@@ -111,6 +112,7 @@ _HOME = {
     "SymplecticEuler": "stepping.euler",
     "ExplicitEuler": "stepping.euler",
     "ForestRuth": "stepping.forest_ruth",
+    "CellServo": "boundaries.cell_servo",
     "Platen": "boundaries.platens",
     "Fixed": "boundaries.platen_drives",
     "ConstantVelocity": "boundaries.platen_drives",

@@ -142,6 +142,8 @@ def _boundaries(scene: Scene) -> Node:
     rows = [Node("cell", "; ".join(around))]
     if scene.shear_rate:
         rows.append(Node("shear rate", f"{scene.shear_rate:g} s-1"))
+    if scene.cell_servo:
+        rows.append(Node("height", repr(scene.cell_servo)))
     for wall in scene.walls:
         moving = f", velocity {_number(wall.velocity)} m s-1" if np.any(wall.velocity) else ""
         rows.append(Node(f"wall {wall.name}", f"point {_number(wall.point)} m, normal {_number(wall.normal)}{moving}"))

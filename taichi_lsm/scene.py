@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from . import describe
 from .bonds.bond_setup import bond_rate
+from .boundaries.cell_servo import CellServo
 from .boundaries.platens import Platen
 from .boundaries.wall_setup import PlaneWall
 from .core.errors import InputError, finite
@@ -75,6 +76,9 @@ class Scene:
     shear_rate : float
         Rate of homogeneous shear of the cell [s-1], in which the mean velocity is `shear_rate` times y along x (Lees &
         Edwards 1972); see `boundaries/periodic_cell.py`. Default: 0, a cell at rest.
+    cell_servo : CellServo
+        Servo of the normal stress, which moves the height of the cell, and the grains with it; for a cell that is
+        periodic along every axis, at rest or in shear. Default: None, a cell of constant height.
     thickness : float
         Depth of a 2D scene out of the plane [m], which turns areas into volumes. Default: the mean diameter.
     area : float
@@ -135,6 +139,7 @@ class Scene:
     platens: Sequence[Platen] = ()
     walls: Sequence[PlaneWall] = ()
     shear_rate: float = 0.0
+    cell_servo: CellServo | None = None
     thickness: float = DERIVED
     area: float | None = None
     bonds: NDArray | None = None

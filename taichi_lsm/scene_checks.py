@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bonds.bond_setup import checked_bonds
+from .boundaries.cell_servo import check_servo
 from .boundaries.periodic_cell import check_box, check_shear
 from .boundaries.platens import Platen
 from .boundaries.wall_setup import PlaneWall, check_walls
@@ -65,6 +66,7 @@ def check_scene(scene: Scene) -> None:
     _check_shapes(scene)
     check_walls(scene)
     check_shear(scene)
+    check_servo(scene)
 
 
 def check_orientation(scene: Scene) -> None:

@@ -35,6 +35,8 @@ def load_state(sim: Any) -> None:
     mass, inertia = scene.masses()
     state.position.from_numpy(scene.position)
     if spec.sheared:  # the mean flow is part of the velocities
+        if spec.cell_servo:
+            sim.domain.load(scene)
         sim.domain.set_shear(scene.shear_rate, scene.widest())
     state.velocity.from_numpy(scene.velocity + sim.domain.mean_flow(scene.position))
     state.platen_index.from_numpy(scene.platen_index)

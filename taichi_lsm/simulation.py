@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from . import describe
 from .bonds.bond_network import Bonds, FreedContacts
 from .bonds.bond_setup import bond_effect
-from .boundaries.periodic_cell import Domain
+from .boundaries.driven_cell import cell_of
 from .boundaries.plane_walls import Walls
 from .boundaries.platens import Platens
 from .contact.error_flags import ErrorFlags
@@ -105,8 +105,8 @@ class Simulation:
         """Everything that does not depend on the number of listed pairs."""
         spec = self.spec
         self.effects = [e.bound() for e in scene.effects]
-        self.domain = Domain(scene.lengths, scene.periodic, scene.shear_rate or 0.0)
         self.grains = Grains(spec)
+        self.domain: Any = cell_of(scene, spec, self.grains)  # its class depends on the scene
         self.error_flags = ErrorFlags()
         self.surfaces = surface_table(spec.kind, scene.shapes)
         self.parts = PartTable(scene.shapes, self.grains) if spec.multi_part else None

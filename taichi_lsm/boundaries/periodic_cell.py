@@ -59,8 +59,8 @@ class Domain:
         Lengths of the cell (dim,) [m]; those of open axes do not matter.
     periodic
         Whether the cell is periodic along each axis (dim,).
-    shear_rate
-        Rate of simple shear, du_x/dy of the mean flow [s-1]; 0 for a cell at rest.
+    sheared
+        Whether the cell is in simple shear, with a mean flow of du_x/dy = shear_rate (`set_shear`).
 
     Notes
     -----
@@ -69,9 +69,12 @@ class Domain:
     border: the mean flow is shear_rate times y everywhere.
     """
 
-    def __init__(self, lengths: Sequence[float], periodic: Sequence[bool], shear_rate: float = 0.0) -> None:
+    rows: Sequence[Variable] = SHEAR_ROWS  # of the state of a sheared cell
+    driven = False  # whether the height of the cell moves
+
+    def __init__(self, lengths: Sequence[float], periodic: Sequence[bool], sheared: bool = False) -> None:
         self.dim = len(lengths)
-        self.sheared = shear_rate != 0.0
+        self.sheared = sheared
         self.periodic = tuple(bool(p) for p in periodic)
         self.length = ti.field(ti.f64, self.dim)
         self.inverse_length = ti.field(ti.f64, self.dim)
@@ -98,6 +101,10 @@ class Domain:
         length, shift = read(self.length), strain * read(self.length)[1]
         write(self.tilt, shift - length[0] * np.rint(shift * read(self.inverse_length)[0]))
 
+    def settle(self) -> None:
+        """What follows from the rows, after they were replaced."""
+        self.set_shear(*(float(read(row)[0]) for row in (self.shear_rate, self.widest, self.strain)))
+
     def mean_flow(self, position: NDArray) -> NDArray:
         """Velocity (n, dim) [m s-1] of the mean flow at positions (n, dim) [m]; 0 in a cell at rest."""
         flow = np.zeros_like(position)
@@ -105,13 +112,22 @@ class Domain:
             flow[:, 0] = read(self.shear_rate)[0] * position[:, 1]
         return flow
 
+    def missing_flow(self, position: NDArray) -> NDArray:
+        """Velocity (n, dim) [m s-1] of the mean flow at positions (n, dim) [m] that velocities of the state lack."""
+        return np.zeros_like(position)
+
     def flow_over(self, skin: float) -> float:
         """Greatest speed [m s-1] at which the mean flow separates two grains within reach plus `skin` [m]."""
         return abs(read(self.shear_rate)[0]) * (read(self.widest)[0] + skin) if self.sheared else 0.0
 
+    @property
+    def lengths(self) -> NDArray:
+        """Lengths of the cell (dim,) [m] now; 1 m along open axes."""
+        return self._lengths
+
     def set_lengths(self, lengths: Sequence[float]) -> None:
         """Write the lengths of the cell (dim,) [m]; those of open axes do not matter."""
-        self.lengths = finite = np.where(self.periodic, lengths, 1.0).astype(float)  # as the fields below hold them
+        self._lengths = finite = np.where(self.periodic, lengths, 1.0).astype(float)  # as the fields below hold them
         write(self.length, finite)
         write(self.inverse_length, 1.0 / finite)
 
@@ -151,6 +167,11 @@ class Domain:
         """Store the strain between the last list and the start of a launch, for `displacement_in_flow`."""
         if ti.static(self.sheared):
             self.strain_before[0] = self.strain[0] - self.built_strain[0]
+
+    @ti.func
+    def note_built(self):
+        """Keep the strain for which the neighbour list is built."""
+        self.built_strain[0] = self.strain[0]
 
     @ti.func
     def shear(self, dt):
@@ -216,7 +237,7 @@ def check_shear(scene: Any) -> None:
     Parameters
     ----------
     scene : Scene
-        The scene; without a shear rate it always passes.
+        The scene; without a shear rate and without a servo of the cell it always passes.
 
     Raises
     ------
@@ -225,22 +246,19 @@ def check_shear(scene: Any) -> None:
         an integrator that do not go with a mean flow.
     """
     rate = scene.shear_rate
-    if not rate:
+    if not rate and scene.cell_servo is None:
         return
+    given = f"Scene.shear_rate: {rate:g} s-1" if rate else "Scene.cell_servo: given"
     if not np.isfinite(rate):
         raise InputError(f"Scene.shear_rate: {rate!r} s-1, must be a finite number")
     if not (scene.periodic[0] and scene.periodic[1]):
-        raise InputError(
-            f"Scene.shear_rate: {rate:g} s-1 needs a cell that is periodic along x and y; see Scene.periodic"
-        )
+        raise InputError(f"{given} needs a cell that is periodic along x and y; see Scene.periodic")
     for name in ("platens", "walls"):
         if getattr(scene, name):
-            raise InputError(f"Scene.shear_rate: {rate:g} s-1 with {name}, which would not take part in the mean flow")
+            raise InputError(f"{given} with {name}, which would not take part in the mean flow")
     wrong = [e.name for e in scene.effects if e.phase in ("body", "motion")]
     if wrong:
-        raise InputError(f"Scene.shear_rate: {rate:g} s-1 with {wrong}, which would change the mean flow")
+        raise InputError(f"{given} with {wrong}, which would change the mean flow")
     if not scene.integrator.half_step:
         name = scene.integrator.__name__
-        raise InputError(
-            f"Scene.shear_rate: {rate:g} s-1 with {name}, which does not account for the work; must be a Verlet scheme"
-        )
+        raise InputError(f"{given} with {name}, which does not account for the work; must be a Verlet scheme")

@@ -133,6 +133,23 @@ class SpringLoadPoint:
         return v_new, tension * 0.5 * (v + v_new) * dt, 0.0 * v, stretch + (p[0] - v_new) * dt
 
 
+@ti.func
+def servo_kick(load, drag, limit, inertia, v, force, dt):
+    """New velocity [m s-1], work of the stress [J] and energy dissipated [J] of M y'' = F - load - drag y'.
+
+    load [N]: of the stress; drag [kg s-1]; limit [m s-1]: of the speed; inertia [kg]: M; v [m s-1]: velocity; force
+    [N]: F, of the grains; dt [s]. The drag is evaluated at the mean velocity of the step, (v + v')/2, so that any C is
+    stable.
+    """
+    a = 0.5 * drag * dt / inertia
+    v_new = ((1.0 - a) * v + dt / inertia * (force - load)) / (1.0 + a)
+    v_new = ti.max(-limit, ti.min(limit, v_new))
+    v_mean = 0.5 * (v + v_new)
+    # Impulse of drag and speed limit: the change of momentum that contacts and stress do not explain.
+    held = inertia * (v_new - v) - (force - load) * dt
+    return v_new, -load * v_mean * dt, -held * v_mean
+
+
 @ti.data_oriented
 @dataclass
 class ServoStress:
@@ -187,15 +204,5 @@ class ServoStress:
 
     @ti.func
     def kick(self, p, v, force, mass, dt):
-        """As `Fixed.kick`; what the drag and the speed limit take from the platen is dissipated energy.
-
-        The drag is evaluated at the mean velocity of the step, (v + v')/2, so that any C is stable.
-        """
-        inertia = p[3]
-        a = 0.5 * p[1] * dt / inertia
-        v_new = ((1.0 - a) * v + dt / inertia * (force - p[0])) / (1.0 + a)
-        v_new = ti.max(-p[2], ti.min(p[2], v_new))
-        v_mean = 0.5 * (v + v_new)
-        # Impulse of drag and speed limit: the change of momentum that contacts and stress do not explain.
-        held = inertia * (v_new - v) - (force - p[0]) * dt
-        return v_new, -p[0] * v_mean * dt, -held * v_mean
+        """As `Fixed.kick`; what the drag and the speed limit take from the platen is dissipated energy."""
+        return servo_kick(p[0], p[1], p[2], p[3], v, force, dt)

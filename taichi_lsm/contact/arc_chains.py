@@ -237,6 +237,8 @@ class ChainContact:
         )
         if ti.static(self.domain.sheared):
             v[0] -= ti.cast(self.domain.border_speed(g.position[k], g.position[l]), self.real)
+        if ti.static(self.domain.driven):
+            v[1] += ti.cast(self.domain.stretch_rate(), self.real) * d[1]
         # The normal rotates at (w x v)/w^2 in the world frame, less by omega in that of a body.
         rate = cross2(w, v) / w.dot(w)
         time = ti.max(self.time_outside(a, i, u_k, rate - omega_k[0]), self.time_outside(b, j, u_l, rate - omega_l[0]))

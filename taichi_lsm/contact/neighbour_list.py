@@ -52,7 +52,7 @@ class NeighbourList:
             self.search.count_or_write(k, begin, p, True)
             g.built_position[k] = g.position[k]
             if ti.static(p.spec.sheared):
-                self.search.domain.built_strain[0] = self.search.domain.strain[0]
+                self.search.domain.note_built()
             if ti.static(p.spec.multi_part):
                 g.built_orientation[k] = g.orientation[k]
             old = g.previous_slot[k]

@@ -46,7 +46,7 @@ class NeighbourSearch:
         self.real, self.serial = current().real, current().serial
         self.dim = grains.dim
         self.skin = ti.field(ti.f64, ())
-        self.width = 0.0  # the same on the host [m]
+        self.width = self.cell_width = 0.0  # the same on the host, and the least width of a cell of the grid [m]
         self.grid = SparseGrid(domain, grains.slot_of.shape[0])
         self.row_count = ti.field(ti.i32, grains.slot_of.shape[0] + 1)
         self.found = ti.field(ti.i32, grains.slot_of.shape[0] * BUFFER)  # partners of each grain, not sorted
@@ -76,7 +76,8 @@ class NeighbourSearch:
         """Set the skin [m], and cells as wide as it and the largest grain need; the radii must be known."""
         self.width = float(skin)
         write(self.skin, skin)
-        self.grid.set_width(2.0 * float(self.grains.column("radius").max()) + skin)
+        self.cell_width = 2.0 * float(self.grains.column("radius").max()) + skin
+        self.grid.set_width(self.cell_width)
 
     @ti.func
     def listed(self, k, l):
@@ -254,7 +255,8 @@ class NeighbourSearch:
         Raises
         ------
         SimulationError
-            If a position is not a number, a grain moves too far in one step, or the two platens touch.
+            If a position is not a number, a grain moves too far in one step, the two platens touch, or the height of
+            the cell is too low for its grains.
 
         Notes
         -----
@@ -264,6 +266,9 @@ class NeighbourSearch:
         if len(self.grains) >= SORT_LEAST and self.searches % SORT_INTERVAL == 0:
             self.sort_grains()
         self.searches += 1
+        if self.spec.cell_servo:
+            self.domain.check_height()
+            self.grid.set_width(self.cell_width)
         self.grid.fill(self.grains.position, self.grains.count)
         found = self.count_partners(dt / guards.displacement if guards.displacement else 0.0)
         total, lost, crushed, jumping = (int(found[i]) for i in range(4))

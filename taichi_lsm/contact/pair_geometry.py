@@ -6,7 +6,7 @@ from ..core.allocation import when_allocated, write
 from ..core.rotation import torque_of, unrotate
 from ..core.runtime import current, ti
 from .error_flags import OVERLAP
-from .pair_storage import PART_BASE
+from .pair_storage import HAS_IMPULSE, PART_BASE
 from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
 
 
@@ -91,6 +91,8 @@ class PairGeometry:
         # An image across a sheared border moves with the flow of its own layer of cells.
         if ti.static(self.spec.sheared):
             v[0] -= self.domain.border_speed(g.position[k], g.position[l])
+        if ti.static(self.spec.cell_servo):
+            v[1] += self.domain.stretch_rate() * self.domain.displacement(g.position[k], g.position[l])[1]
         return ti.cast(v, self.real)
 
     @ti.func
@@ -98,6 +100,26 @@ class PairGeometry:
         """Add the work of shearing, -rate sigma_xy V dt [J]; moment [N m s]: share of a contact in sigma_xy V dt."""
         g = self.grains
         g.shear_work[k] = g.shear_work[k] - self.domain.shear_rate[0] * moment
+
+    @ti.func
+    def add_to_cell(self, k, s, f, status, dt):
+        """Add what the contact in slot s does to the cell in a step of dt [s]: work of the shear, and normal stress.
+
+        f [N]: its force; the impulse that goes with it is stored. Work of the shear is that of force and impulse times
+        the branch along the gradient.
+        """
+        branch = self.shortest(k, self.pairs.second_slot[s])[1]
+        push = ti.cast(f[0], ti.f64) * dt
+        if ti.static(self.spec.onset):
+            if status & HAS_IMPULSE:
+                push += self.pairs.pair_impulse[s][0]
+        self.add_shear_work(k, push * branch)
+        if ti.static(self.spec.cell_servo):
+            g, across = self.grains, ti.cast(f[1], ti.f64)
+            if ti.static(self.spec.onset):
+                if status & HAS_IMPULSE:  # at no time there is none
+                    across += ti.cast(self.pairs.pair_impulse[s][1], ti.f64) / dt
+            g.virial[k] = g.virial[k] + across * ti.cast(branch, ti.f64)
 
     @ti.func
     def parts_of(self, k, l, s):

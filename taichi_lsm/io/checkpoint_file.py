@@ -17,7 +17,6 @@ import netCDF4
 import numpy as np
 import numpy.typing as npt
 
-from ..boundaries.periodic_cell import SHEAR_ROWS
 from ..boundaries.plane_walls import WALL_ROWS
 from ..contact.neighbour_list import grown
 from ..core.allocation import read, row_shape, share_kernels, write
@@ -169,9 +168,7 @@ def _resume(sim: "Simulation") -> None:
     if sim.walls:
         sim.walls.mark_all()
     if sim.spec.sheared:
-        domain = sim.domain
-        rate, widest, strain = (float(read(row)[0]) for row in (domain.shear_rate, domain.widest, domain.strain))
-        domain.set_shear(rate, widest, strain)
+        sim.domain.settle()
     grains = sim.grains
     grains.set_order(read(grains.id, len(grains)))
     sim.neighbours.transpose_only()
@@ -190,7 +187,7 @@ def _tables(sim: "Simulation") -> list[tuple[str, Sequence[Variable], Any, int]]
         rows = [*PLATEN_ROWS, DRIVE_ROW] + ([SPRING_ROW] if sim.platens.springs else [])
         tables.append(("platens", rows, sim.platens, sim.platens.count))
     if sim.spec.sheared:
-        tables.append(("cell", SHEAR_ROWS, sim.domain, 1))
+        tables.append(("cell", sim.domain.rows, sim.domain, 1))
     if sim.walls:
         tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
         tables.append(("wall_contacts", sim.walls.rows, sim.walls, sim.walls.count * count))

@@ -11,10 +11,11 @@ if TYPE_CHECKING:
 
 
 class Energies(NamedTuple):
-    """Terms of the budget [J]: kinetic (with the platens), elastic (contacts, bonds), potential, dissipated and work.
+    """Terms of the budget [J]: kinetic, elastic (contacts, bonds), potential, dissipated and work.
 
-    dissipated: by effects and drives since the start, without `Scene.track_dissipation` by drives alone; work: done
-    since the start by what moves platens, plane walls and a sheared cell.
+    kinetic: of grains, platens and the height of a cell that a servo moves; dissipated: by effects and
+    drives since the start, without `Scene.track_dissipation` by drives alone; work: done since the start by what moves
+    platens, plane walls and a sheared cell, and by the normal stress on its height.
     """
 
     kinetic: float
@@ -66,6 +67,10 @@ def energies(
         kinetic += 0.5 * float((mass * now["velocity"] ** 2).sum())
         dissipated += float(now["dissipated"].sum())
         work += float(now["work"].sum())
+    if sim.spec.cell_servo:
+        cell = sim.domain.snapshot()
+        kinetic += sim.domain.kinetic_energy(sim.dt)
+        dissipated, work = dissipated + cell["dissipated"], work + cell["work"]
     if sim.walls:
         work += float(sum(sim.walls.work[w] for w in range(sim.walls.count)))
     return Energies(kinetic, sums["elastic_energy"], sums["potential_energy"], dissipated, work)

@@ -32,5 +32,7 @@ class SynchronisedVelocities:
         ti.loop_config(serialize=self.serial)
         for k in range(self.grains.count[None]):
             v, omega = self.integrator.synchronised(k)
+            if ti.static(self.integrator.spec.cell_servo):
+                v[1] += self.integrator.domain.stretch_rate() * self.grains.position[k][1]
             for axis in ti.static(range(self.grains.dim)):
                 result[self.grains.id[k], axis] = v[axis]

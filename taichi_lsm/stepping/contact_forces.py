@@ -70,6 +70,8 @@ class ContactForces(EffectSet):
         """Begin the sums over the row of grain k."""
         g = self.grains
         g.force[k] = ti.Vector([ti.cast(0.0, self.real)] * self.dim)
+        if ti.static(self.spec.cell_servo):  # the share of its motion in the normal stress
+            g.virial[k] = g.velocity[k][1] * g.velocity[k][1] / ti.cast(g.inverse_mass[k], ti.f64)
         if ti.static(self.spec.onset):
             g.has_impulse[k] = ti.cast(0, ti.i8)
         if ti.static(self.spec.rotates):
@@ -289,13 +291,8 @@ class ContactForces(EffectSet):
             if ti.static(self.spec.onset):
                 status += self.store_onset(block, i, s, k, dt)
             pairs.status[s] = ti.cast(status, ti.i8)
-            # Work of the shear on this contact: its force, and impulse, times the branch along the gradient.
             if ti.static(self.spec.sheared):
-                push = ti.cast(f[0], ti.f64) * dt
-                if ti.static(self.spec.onset):
-                    if status & HAS_IMPULSE:
-                        push += pairs.pair_impulse[s][0]
-                self.geometry.add_shear_work(k, push * self.geometry.shortest(k, pairs.second_slot[s])[1])
+                self.geometry.add_to_cell(k, s, f, status, dt)
 
     @ti.func
     def store_onset(self, block: ti.template(), i, s, k, dt):

@@ -70,6 +70,8 @@ def grain_variables(spec: Any) -> list[Variable]:
         ]
     if spec.sheared:
         rows.append(row("shear_work", "", "f64", "J", "work of shearing the cell on the contacts of the own row"))
+    if spec.cell_servo:
+        rows.append(row("virial", "", "f64", "J", "share of the own row and motion in normal stress times volume"))
     if spec.tracks_dissipation:
         rows.append(row("dissipated", "channel", "f64", "J", "energy dissipated, by effect"))
     return rows

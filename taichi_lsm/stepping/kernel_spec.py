@@ -26,7 +26,8 @@ class KernelSpec:
     rotates : torques act on the grains, so that they have an angular velocity
     oriented : the orientation of the grains matters
     onset : impulses correct the beginning and the end of contacts
-    sheared : the cell is in homogeneous shear
+    sheared : the cell is in homogeneous shear, or may be
+    cell_servo : a servo moves the height of the cell
     reaches : an effect acts beyond touch
     channels : number of effects whose dissipated energy is accounted for
     history : numbers that the effects remember of each pair
@@ -44,6 +45,7 @@ class KernelSpec:
     oriented: bool = False
     onset: bool = False
     sheared: bool = False
+    cell_servo: bool = False
     reaches: bool = False
     channels: int = 0
     history: int = 0
@@ -67,7 +69,8 @@ class KernelSpec:
             rotates=shaped or bonded or any(e.phase == "tangential" or e.adds_moment for e in effects),
             oriented=shaped or bonded,
             onset=scene.integrator.onset and any(hasattr(type(e), "onset_impulse") for e in effects),
-            sheared=bool(scene.shear_rate),
+            sheared=bool(scene.shear_rate) or scene.cell_servo is not None,
+            cell_servo=scene.cell_servo is not None,
             reaches=scene.reach() > 0.0,
             channels=len(energy_channels(effects)) if scene.track_dissipation else 0,
             history=sum(e.history_size(scene.dim) for e in effects if e.phase in ON_CONTACTS),

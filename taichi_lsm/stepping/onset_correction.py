@@ -73,6 +73,8 @@ class OnsetCorrection:
         v = g.last_velocity[l] - g.last_velocity[k]
         if ti.static(self.spec.sheared):
             v[0] -= self.geometry.domain.border_speed(g.position[k], g.position[l])
+        if ti.static(self.spec.cell_servo):
+            v[1] += self.geometry.domain.stretch_rate() * d[1]
         d_2 = d_1 - ti.cast(v, self.real) * dt
         depth_1 = g.radius[k] + g.radius[l] - d_1.norm()
         depth_2 = g.radius[k] + g.radius[l] - d_2.norm()

@@ -115,8 +115,14 @@ class StepLoopCPU:
                 if ti.static(self.spec.walls > 0):
                     if step > 0:
                         self.stages.walls.gather(self.forces, ti.select(mode == STARTED, 0.0, dt))
+                if ti.static(self.spec.cell_servo):
+                    if step > 0:
+                        self.stages.domain.gather()
                 self.stages.drift_walls_and_cell(ti.select(moves, dt, 0.0))
                 self.team.finish_alone(t, stage)
+            # Grains are carried with a height that moves: they must know how far it does.
+            if ti.static(self.spec.cell_servo):
+                self.team.barrier(t, stage)
 
     @ti.func
     def drift(self, t, step):

@@ -77,7 +77,7 @@ class StepStages:
 
     @ti.func
     def drift_walls_and_cell(self, dt):
-        """Let plane walls and the sheared cell move for dt [s]."""
+        """Let plane walls and the sheared cell move for dt [s], with its height if that has a servo."""
         if ti.static(self.spec.walls > 0):
             self.walls.drift(dt)
         if ti.static(self.spec.sheared):

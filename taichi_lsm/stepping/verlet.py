@@ -82,13 +82,21 @@ class VelocityVerlet:
 
     @ti.func
     def drift(self, k, time):
-        """X += v time, Eq. (14); in a sheared cell with the work of the shear on the momentum that grain k carries."""
+        """X += v time, Eq. (14); in a sheared cell with the work of the shear on the momentum that grain k carries.
+
+        Where the height of the cell moves, grain k is carried with it.
+        """
         g = self.grains
         before = g.position[k]
-        g.position[k] = before + g.velocity[k] * time
-        if ti.static(self.spec.sheared):
-            carried = self.domain.carried(g.velocity[k], before, time) / g.inverse_mass[k]
-            self.forces.geometry.add_shear_work(k, carried)
+        if ti.static(self.spec.cell_servo):
+            place, after, carried = self.domain.flight(before, g.velocity[k], time)
+            g.position[k], g.velocity[k] = place, after
+            self.forces.geometry.add_shear_work(k, carried / g.inverse_mass[k])
+        else:
+            g.position[k] = before + g.velocity[k] * time
+            if ti.static(self.spec.sheared):
+                carried = self.domain.carried(g.velocity[k], before, time) / g.inverse_mass[k]
+                self.forces.geometry.add_shear_work(k, carried)
 
     @ti.func
     def rotate(self, k, time):

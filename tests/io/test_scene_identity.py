@@ -26,6 +26,7 @@ CHANGES = {  # of each input that must be the same, one that no other check of t
     "platens": [lsm.Platen("low", DRIVES[0]), lsm.Platen("high", [lsm.ConstantVelocity(0.7), DRIVES[1][1]])],
     "walls": [lsm.PlaneWall("floor", (0.0, -2.0), (0.0, 1.0))],
     "shear_rate": 0.1,
+    "cell_servo": lsm.CellServo(100.0, 1e5, 1e4, 1.0),
     "thickness": 2.0,
     "area": 3.0,
     "bonds": [(2, 3)],

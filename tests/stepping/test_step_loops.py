@@ -1,5 +1,7 @@
 """The launches of a GPU, made by the CPU, give the bits of a team of threads: with boundaries of every kind."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,9 +50,16 @@ def sheared_discs():
     return scenes.scene(effects=scenes.frictional(), velocity=velocity, shear_rate=2.0, dt=5e-4, skin=0.05, **packed)
 
 
+def driven_discs():
+    """The same in a cell whose height a servo moves."""
+    scene = sheared_discs()
+    return replace(scene, cell_servo=lsm.CellServo(2e3, 2e5, 1e4, 20.0))
+
+
 def restart(sim):
     """Start again from the scene, with the present step loop."""
     scene = sim.scene
+    sim.domain.set_lengths(scene.lengths)
     columns = {"orientation": scene.orientation_state()} if sim.spec.oriented else {}
     if sim.grains.has("travel"):  # which goes on when a scene is loaded
         columns["travel"] = np.zeros(len(sim))
@@ -64,6 +73,8 @@ def everything(sim):
     for kind, boundary in (("platen", sim.platens), ("wall", sim.walls)):
         if boundary:
             columns |= {f"{kind}_{name}": values for name, values in boundary.snapshot().items()}
+    if sim.spec.cell_servo:
+        columns |= {f"cell_{name}": value for name, value in sim.domain.snapshot().items()}
     columns |= dict(zip(("pairs", "pair_force", "history"), touching_contacts(sim)))
     return columns | sim.measure.sums()
 
@@ -71,7 +82,7 @@ def everything(sim):
 LONG = pytest.param(arcs_between_platens_and_walls, marks=pytest.mark.validate)  # compiles for long
 
 
-@pytest.mark.parametrize("make", [LONG, sheared_discs])
+@pytest.mark.parametrize("make", [LONG, sheared_discs, driven_discs])
 def test_both_step_loops_give_the_same_bits(runtime, make):
     sim = scenes.simulate(make())
     assert sim.spec.onset and sim.spec.has_boundaries
@@ -88,5 +99,5 @@ def test_both_step_loops_give_the_same_bits(runtime, make):
     # The stress of grains that no cell encloses is not a number.
     assert [name for name in one if not np.array_equal(one[name], other[name], equal_nan=name == "stress")] == []
     assert one["contact_count"] > 3 and np.abs(one["position"] - sim.scene.position).max() > 0.1
-    for work in ("platen_work", "wall_work", "shear_work"):
+    for work in ("platen_work", "wall_work", "shear_work", "cell_work"):
         assert work not in one or np.any(one[work] != 0.0), work
