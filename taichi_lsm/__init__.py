@@ -73,6 +73,8 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .measure.profiling import runtime_profile as runtime_profile
     from .measure.profiling import runtime_profile_text as runtime_profile_text
     from .measure.shadow_energy import ShadowEnergy as ShadowEnergy
+    from .measure.sheared_cell import ShearedCell as ShearedCell
+    from .measure.sheared_grains import ShearedGrains as ShearedGrains
     from .measure.sheared_layer import ShearedLayer as ShearedLayer
     from .packing import grain_diameters as grain_diameters
     from .packing import loose_packing as loose_packing
@@ -127,6 +129,8 @@ _HOME = {
     "loose_packing": "packing",
     "random_rotations": "packing",
     "rough_platen": "packing",
+    "ShearedCell": "measure.sheared_cell",
+    "ShearedGrains": "measure.sheared_grains",
     "ShearedLayer": "measure.sheared_layer",
     "LayerRecorder": "io.layer_recorder",
     "holder_of": "io.folder_lock",

@@ -1,4 +1,4 @@
-"""The files of one sheared layer: run.nc (time series) and grains.nc (snapshots), closed with the right status."""
+"""The files of one sheared layer or cell: run.nc (time series) and grains.nc (snapshots), closed with their status."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,7 +14,7 @@ from ..core.allocation import read
 from ..core.errors import SimulationError
 from ..core.schema import Variable
 from ..measure.layer_rows import layer_rows
-from ..measure.sheared_layer import Row, ShearedLayer
+from ..measure.sheared_grains import Row, ShearedGrains
 from .grains_file import STATIC_DIMS, GrainsWriter, snapshot_rows, static_rows
 from .netcdf_variables import Scalar
 from .run_file import RunWriter, file_attributes
@@ -29,14 +29,19 @@ CYCLE_ROWS = [
     Variable("cycle", ("time",), "i32", "1", "number of the repetition of its stages from 1 on; 0 of one not repeated"),
     Variable("stage_slip", ("time",), "f64", "m", "slip of the layer since the stage began"),
 ]
+CELL_ROWS = [
+    Variable("cell_height", ("time",), "f64", "m", "height of the cell"),
+    Variable("cell_shift", ("time",), "f64", "m", "displacement of the image above the cell along the shear"),
+    Variable("cell_shear_rate", ("time",), "f64", "s-1", "rate of shear of the cell"),
+]
 (STRAIN,) = (row for row in layer_rows() if row.name == "shear_strain")
 
 
 class LayerRecorder:
-    """Writes what a `ShearedLayer` measures. Use as a context manager: an exception leaves a file that says so.
+    """Writes what a `ShearedLayer` or a `ShearedCell` measures.
 
-    A run that a guard stops leaves its state at the stop in stopped.nc and as the last snapshot of grains.nc
-    (`Simulation.keep_checkpoints`).
+    Use as a context manager: an exception leaves a file that says so. A run that a guard stops leaves its state at the
+    stop in stopped.nc and as the last snapshot of grains.nc (`Simulation.keep_checkpoints`).
 
     Parameters
     ----------
@@ -67,7 +72,7 @@ class LayerRecorder:
     def __init__(
         self,
         out: str | PathLike[str],
-        layer: ShearedLayer,
+        layer: ShearedGrains,
         title: str,
         summary: str,
         config_toml: str,
@@ -87,11 +92,7 @@ class LayerRecorder:
         kept_rows, kept_snapshots = keep or (None, None)
         self.run = RunWriter(
             out / "run.nc",
-            [
-                *layer_rows(sim.spec.bonds > 0, layer.sprung, layer.pushed, layer.confined),
-                STAGE_INDEX,
-                *(CYCLE_ROWS if cycles else ()),
-            ],
+            [*layer.variables, STAGE_INDEX, *(CYCLE_ROWS if cycles else ())],
             attributes,
             coordinates={"effect": layer.effects},
             auxiliary=("shear_strain",),
@@ -101,11 +102,12 @@ class LayerRecorder:
             keep=kept_rows,
         )
         dim, spec, bonded = sim.scene.dim, sim.spec, sim.spec.bonds > 0
+        in_time = snapshot_rows(dim, rotates=spec.rotates, oriented=spec.oriented, bonded=bonded)
         self.grains = GrainsWriter(
             out / "grains.nc",
             _constants(sim.scene),
             static_rows(dim, bonded),
-            [STRAIN, *snapshot_rows(dim, rotates=spec.rotates, oriented=spec.oriented, bonded=bonded)],
+            [STRAIN, *CELL_ROWS * spec.cell_servo, *in_time],
             attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
             text=STAGE,
             # A variable of the name of a dimension would be its coordinate.
@@ -143,7 +145,11 @@ class LayerRecorder:
 
     def _snapshot(self, time: float) -> None:
         state, scene = self.sim.state, self.sim.scene
-        arrays = {"position": state.position.to_numpy(), "velocity": state.velocity.to_numpy()}
+        position = state.position.to_numpy()
+        arrays = {"position": position, "velocity": state.velocity.to_numpy() + self.sim.domain.missing_flow(position)}
+        if self.sim.spec.cell_servo:
+            cell = self.sim.domain.snapshot()
+            arrays |= {f"cell_{name}": cell[name] for name in ("height", "shift", "shear_rate")}
         arrays |= {"shear_strain": self.layer.strain, "stage": self._stage["stage"]}
         if self.sim.spec.rotates:
             angular_velocity = state.angular_velocity.to_numpy()

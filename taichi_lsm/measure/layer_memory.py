@@ -27,11 +27,11 @@ class LayerMemory:
     works
         Work of the shear drive and of the normal drive at the last row [J].
     elastic
-        Energy stored in the contacts at the last row [J].
+        Energy stored in the contacts at the last row, and of the motion in a cell [J].
     samples
         What was measured since the last row, see `Measure.sums`.
     platens, row_platens
-        Snapshots of the platens at the last sample and at the last row.
+        Snapshots of the platens, or of the height of a cell, at the last sample and at the last row.
     """
 
     time: float
@@ -39,7 +39,7 @@ class LayerMemory:
     thickness: float
     works: npt.NDArray
     row_step: int
-    row_platens: dict[str, npt.NDArray]
+    row_platens: dict[str, Any]
     strain: float = 0.0
     slip: float = 0.0
     throughput: float = 0.0
@@ -48,7 +48,7 @@ class LayerMemory:
     first_residual: float = 0.0
     elastic: float = 0.0
     samples: list[dict[str, Any]] = field(default_factory=list)
-    platens: dict[str, npt.NDArray] = field(default_factory=dict)
+    platens: dict[str, Any] = field(default_factory=dict)
 
     def as_plain(self) -> dict[str, Any]:
         """All values as numbers, lists and dicts, exact to the last bit."""
