@@ -31,7 +31,7 @@ from workflows.common.reports import Progress
 from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing
 from workflows.common.run_table import attributes_of
-from workflows.gouge.layer_parameters import Shape, round_grains
+from workflows.gouge.grain_parameters import Shape, round_grains
 from workflows.plots.tenfold import plot_summary
 from workflows.plots.work_precision import plot_work_precision
 from workflows.protocol.finished_parts import FinishedParts, folder_of_parts

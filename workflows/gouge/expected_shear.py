@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from workflows.protocol.stage_tables import planned
 
 if TYPE_CHECKING:
-    from workflows.gouge.layer_parameters import LayerParams
+    from workflows.gouge.grain_parameters import GrainParams
 
 
-def expected(params: LayerParams) -> tuple[float, float]:
+def expected(params: GrainParams) -> tuple[float, float]:
     """(shear strain [1], time [t_i]) of all stages after the consolidation; strain counts in either direction.
 
     How far a layer is sheared under a shear stress is not known before: such a stage counts with no strain, and with
@@ -24,7 +24,7 @@ def expected(params: LayerParams) -> tuple[float, float]:
     return strain, time
 
 
-def duration(params: LayerParams, name: str, value: float, rate: float) -> float:
+def duration(params: GrainParams, name: str, value: float, rate: float) -> float:
     """Time [t_i] that a strain [1], a slip [d] or a time [t_i] takes at a shear rate [1/t_i]."""
     if name == "time":
         return value

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import taichi_lsm as lsm
 from workflows.common.refusals import in_terms_of
 from workflows.common.reports import Progress
+from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_parameters import LayerParams
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class MobileGrains(NamedTuple):
     bonds: NDArray | None
 
 
-def least_cell(params: LayerParams, across: float, what: str) -> None:
+def least_cell(params: GrainParams, across: float, what: str) -> None:
     """Refuse a periodic cell in which a grain `across` [m] could touch two images of another one.
 
     Raises
@@ -67,7 +68,11 @@ def least_cell(params: LayerParams, across: float, what: str) -> None:
             raise lsm.InputError(
                 f"{option} {length / d:g} mean diameters: must be >= {2.0 * across / d:.3g}, twice the largest of the "
                 f"{what}, which are up to {across / d:.3g} across; raise it, or lower "
-                + (f"--platen-roughness {params.platen_roughness:g} or " if "platen" in what else "")
+                + (
+                    f"--platen-roughness {params.platen_roughness:g} or "
+                    if isinstance(params, LayerParams) and "platen" in what
+                    else ""
+                )
                 + f"--largest-diameter {params.largest_diameter:g} m"
             )
 
@@ -85,10 +90,30 @@ def whole_grains(
 
     Parameters
     ----------
-    params, rng, count
-        Parameters of the layer; its random numbers; number of grains.
+    params, rng, count, shapes, progress, given
+        As for `unplaced_grains`.
     platens
         Centres and diameters [m] of the grains of the lower and of the upper platen.
+    """
+    shapes, unplaced = unplaced_grains(params, rng, count, shapes, progress, given)
+    position, heights = _between(params, rng, unplaced, platens)
+    return MobileGrains(shapes, unplaced.kind, position, unplaced.diameter, unplaced.rotation, heights, None)
+
+
+def unplaced_grains(
+    params: GrainParams,
+    rng: np.random.Generator,
+    count: int,
+    shapes: "list[GrainShape]",
+    progress: Progress | None = None,
+    given: "Sequence[GrainShape]" = (),
+) -> "tuple[list[GrainShape], Unplaced]":
+    """Table of shapes of whole grains, and the grains without their places.
+
+    Parameters
+    ----------
+    params, rng, count
+        Parameters of the grains; their random numbers; number of grains.
     shapes
         Shapes that come first in the table; discs and spheres use the first of them.
     progress
@@ -109,8 +134,7 @@ def whole_grains(
     rotation = lsm.random_rotations(rng, count, p.dim)
     reach = np.array([s.bounding_radius for s in shapes])[shape_index] * diameter
     unplaced = Unplaced([s.spanning_balls() for s in shapes], shape_index, diameter, rotation, reach)
-    position, heights = _between(p, rng, unplaced, platens)
-    return MobileGrains(shapes, shape_index, position, diameter, rotation, heights, None)
+    return shapes, unplaced
 
 
 def _making_shapes(progress: Progress | None, total: int) -> Callable[[int], None]:

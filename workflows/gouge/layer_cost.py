@@ -11,7 +11,7 @@ import taichi_lsm as lsm
 from workflows.common.run_cost import PROCESS_BYTES, RunCost
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.expected_shear import expected
-from workflows.gouge.layer_parameters import LayerParams
+from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_scene import LARGEST_SPEED, effects_of, mobile_count, stand_in
 
 TABLE = "layer_costs.json"  # made by workflows/accuracy/prices.py
@@ -31,12 +31,12 @@ def price_of(shape: str, dim: int) -> dict[str, float]:
     return next(row for row in rows if (row["shape"], row["dim"]) == (shape, dim))
 
 
-def start_seconds(params: LayerParams) -> float:
+def start_seconds(params: GrainParams) -> float:
     """Measured time of the start of such a layer [s], most of which is compiling; it cannot be interrupted to tell."""
     return price_of("angular" if params.shape == "angular" else "round", params.dim)["start_seconds"]
 
 
-def layer_cost(params: LayerParams) -> RunCost:
+def layer_cost(params: GrainParams) -> RunCost:
     """Expected steps, time and memory of one run of a layer; the time is that of a first run, which compiles."""
     p, shape = params, "angular" if params.shape == "angular" else "round"
     kind = (shape, p.dim)
@@ -49,17 +49,18 @@ def layer_cost(params: LayerParams) -> RunCost:
         fall = max(0.0, loose - thickness) / (LARGEST_SPEED * p.diameter)
     strain, shear_time = expected(p)
     steps = p.inertial_time * (fall + SETTLING[kind] + shear_time) / dt
-    grains = mobile_count(p) * (p.pieces if p.breakable else 1)
+    grains = mobile_count(p) * p.pieces_of_one
     price = price_of(*kind)
     per_grain = price["grain_step_seconds"] * steps + price["grain_strain_seconds"] * strain
     seconds = price["start_seconds"] + grains * per_grain
     return RunCost(steps, seconds, PROCESS_BYTES + GRAIN_BYTES[kind] * grains)
 
 
-def expected_step(params: LayerParams) -> float:
+def expected_step(params: GrainParams) -> float:
     """Time step [s] of two grains of the least size, whose frequencies bound those of the layer."""
     p = params
-    size = p.smallest_diameter / (p.pieces**0.5 if p.breakable else 1.0)
+    broken = p.pieces_of_one > 1
+    size = p.smallest_diameter / p.pieces_of_one**0.5
     two = scene_of(
         2.0 * size * np.eye(2, p.dim),
         effects_of(p),
@@ -67,8 +68,8 @@ def expected_step(params: LayerParams) -> float:
         diameter=size,
         density=p.density,
         thickness=p.diameter,
-        bonds=np.array([[0, 1]]) if p.breakable else None,
+        bonds=np.array([[0, 1]]) if broken else None,
         safety=p.step_safety,
     )
-    shaped = SHAPED_STEP["breakable" if p.breakable else "whole"] if p.shape == "angular" else 1.0
+    shaped = SHAPED_STEP["breakable" if broken else "whole"] if p.shape == "angular" else 1.0
     return shaped * two.chosen_dt()

@@ -69,15 +69,15 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     metrics = {
         **metrics_of_estimate("friction_mean", "friction_se", friction),
         "friction_ess": Metric(friction.effective_samples, "1"),
-        "platen_friction_mean": _mean(platen, "1"),
+        "platen_friction_mean": mean_metric(platen, "1"),
         "platen_bulk_difference": Metric(apart, "1"),
         "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
         "stiffness_number": _stiffness(dataset),
-        "energy_residual": _residual(sheared),
+        "energy_residual": residual_metric(sheared),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),
-        **{name: _mean(estimate(name), unit, NOTES.get(name)) for name, unit in STEADY.items()},
+        **{name: mean_metric(estimate(name), unit, NOTES.get(name)) for name, unit in STEADY.items()},
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
     metrics |= _breakage(sheared) | _spring(params)
@@ -92,14 +92,14 @@ def quality_metrics(dataset: xarray.Dataset, params: LayerParams) -> dict[str, M
         **({"cycles": Metric(cycles, "1", note=words)} if cycles else {}),
         "shear_strain": Metric(float(sheared.shear_strain[-1]), "1", note="of all stages"),
         "stiffness_number": _stiffness(dataset),
-        "energy_residual": _claimed("energy_residual", _residual(sheared)),
+        "energy_residual": _claimed("energy_residual", residual_metric(sheared)),
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
         **_breakage(sheared),
         **_spring(params),
     }
 
 
-def _residual(sheared: xarray.Dataset) -> Metric:
+def residual_metric(sheared: xarray.Dataset) -> Metric:
     """Greatest energy residual since shear began, over the throughput of work."""
     residual = np.abs(sheared.energy_residual - sheared.energy_residual[0]).max()
     return Metric(float(residual / sheared.work_throughput[-1]), "1")
@@ -117,7 +117,7 @@ def _claimed(name: str, metric: Metric) -> Metric:
     return Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
 
 
-def _mean(estimate: lsm.statistics.Estimate, unit: str, note: str | None = None) -> Metric:
+def mean_metric(estimate: lsm.statistics.Estimate, unit: str, note: str | None = None) -> Metric:
     """A mean with its 95 % interval, or why that is unknown."""
     known = np.isfinite(estimate.standard_error)
     notes = (note or "", "" if known else f"interval unknown: {estimate.unknown}")

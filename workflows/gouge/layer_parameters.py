@@ -1,99 +1,34 @@
 """Parameters of a layer of gouge, which all experiments on layers share, and the rules between them."""
 
-import dataclasses
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-import taichi_lsm as lsm
-from workflows.common.parameter_files import listed
-from workflows.common.parameter_types import OtherNames
-from workflows.common.parameters import Params as BaseParams
-from workflows.common.refusals import in_terms_of
-from workflows.gouge.expected_shear import expected
-from workflows.gouge.labels import ROUND
-from workflows.protocol.stage_tables import StageTable
-
-if TYPE_CHECKING:
-    from taichi_lsm.effects import Effect
+from workflows.gouge.grain_parameters import GrainParams
 
 LEAST_THICKNESS = 8  # of a layer [mean diameters]
-PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, which ties its thickness to its grains
 SPRINGS = ("load_stiffness", "load_stiffness_area", "load_stiffness_ratio")  # ways to give the spring of the load point
-MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
-EFFECTS_HELP = "lsm list --effects shows what there is"
-REPLACED = {  # parameters of the default effects, by the role of an effect that replaces one
-    "elasticity": ("stiffness_number",),
-    "damping": ("restitution",),
-    "friction": ("friction", "tangential_ratio"),
-    "bonds": ("bond_strength",),
-}
 
 
-ROUND_WORDS = ("disc", "discs", "sphere", "spheres")  # understood in either dimension
-Shape = Annotated[Literal["round", "angular"], OtherNames("round", ROUND_WORDS)]
-
-
-def round_grains(word: str, dim: int) -> str | None:
-    """What a word for round grains means in this dimension, where it is the other one's: "in 2D means discs"."""
-    other = word in ROUND_WORDS and not ROUND[dim].startswith(word)
-    return f"in {dim}D means {ROUND[dim]}" if other else None
-
-
-class LayerParams(BaseParams):
+class LayerParams(GrainParams):
     """A layer of gouge, what acts in it and what drives it: the parameters that experiments on layers share."""
 
-    without_result: ClassVar[frozenset[str]] = BaseParams.without_result | {
-        *("profile", "keep_checkpoint", "checkpoint_seconds")
-    }
-
+    thickness_name: ClassVar[str] = "layer_thickness"
     alternatives: ClassVar[tuple[tuple[str, ...], ...]] = (SPRINGS,)
 
-    dim: int = Field(default=2, ge=2, le=3, description="dimension of space [1]")
-    shape: Shape = Field(default="round", description="grain shape; round: discs in 2D, spheres in 3D")
-    smallest_diameter: float = Field(default=105e-6, ge=1e-9, le=1e3, description="least equivalent diameter [m]")
-    largest_diameter: float = Field(default=149e-6, ge=1e-9, le=1e3, description="greatest equivalent diameter [m]")
-    density: float = Field(default=2500.0, ge=1e-3, le=1e6, description="density of the grains [kg m-3]")
-    normal_stress: float = Field(default=5e6, ge=1e-3, le=1e12, description="normal stress on the layer [Pa]")
     layer_thickness: float | None = Field(
         default=None,
         ge=LEAST_THICKNESS,
         le=1e4,
         description="thickness of the layer; none: 24 in 2D, 15 in 3D, or that of the grains [mean diameters]",
     )
-    length: float | None = Field(
-        default=None,
-        ge=6,
-        le=1e5,
-        description="periodic length along the shear; none: 30 in 2D, 20 in 3D [mean diameters]",
-    )
-    width: float = Field(default=7.0, ge=4, le=1e4, description="periodic width, 3D only [mean diameters]")
-    start: Literal["dense", "loose"] = Field(
-        default="dense",
-        description="how the grains lie before consolidation: packed, or in a tall pile in which none is near another",
-    )
-    grains: int | None = Field(
-        default=None, ge=20, le=MOST_GRAINS, description="number of mobile grains; none: from thickness and length [1]"
-    )
-    friction: float = Field(default=0.5, ge=0, le=100, description="Coulomb coefficient between grains [1]")
-    tangential_ratio: float = Field(default=0.5, ge=1e-6, le=1, description="tangential over normal stiffness [1]")
-    restitution: float = Field(
-        default=0.5, ge=0.01, le=1, description="coefficient of restitution of a normal impact [1]"
-    )
-    stiffness_number: float = Field(
-        default=1000.0, ge=100, le=1e9, description="kappa = k/(P b) in 2D, k/(P d) in 3D [1]"
-    )
-    inertial_number: float = Field(default=1e-3, ge=1e-9, le=0.1, description="I = shear rate d sqrt(rho/P) [1]")
     platen_roughness: float = Field(
         default=1.0,
         ge=0.3,
         le=3.0,
         description="diameter of the platens' grains over that of the mobile ones: the roughness of the walls [1]",
-    )
-    corner_radius: float = Field(
-        default=0.05, ge=0.01, le=0.25, description="corner radius of angular grains [equivalent diameters]"
     )
     breakable: bool = Field(default=False, description="angular grains are bonded pieces that can break, 2D only")
     pieces: int = Field(default=7, ge=2, le=40, description="pieces of a breakable grain [1]")
@@ -127,81 +62,18 @@ class LayerParams(BaseParams):
         description="stiffness of a spring behind the servo over the area of the layer: by so much the normal stress "
         "rises as the layer thickens, from the begin of shear on; none: it is constant [Pa m-1]",
     )
-    rows_per_strain: int = Field(
-        default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
-    )
-    keep_checkpoint: bool = Field(
-        default=False, description="keep the checkpoint of a complete run, so that it can be made longer"
-    )
-    checkpoint_seconds: float | None = Field(
-        default=None,
-        ge=0.01,
-        le=1e6,
-        description="wall-clock time between two checkpoints; none: a minute, or more where they take long [s]",
-    )
-    profile: bool = Field(default=False, description="print the run time of each stage of a step")
-    effects: list[dict] = Field(
-        default=[],
-        description="effects that are added to elasticity, damping and friction, or replace one of the same kind: "
-        "tables with name = NAME and its parameters in SI units, see lsm list --effects",
-    )
-    step_safety: float = Field(default=0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        problems = [*self._problems_of_grains(), *self._problems_of_spring(), *self.problems_of_shear()]
-        if problems:
-            raise ValueError("; ".join(problems))
-        return self
-
-    def _problems_of_grains(self) -> Iterator[str]:
-        """Contradictions among sizes, shapes, stiffness and number of the grains."""
-        if self.smallest_diameter > self.largest_diameter:
-            low, high = self.smallest_diameter, self.largest_diameter
-            yield f"--smallest-diameter {low:g} m is above --largest-diameter {high:g} m: no size is left"
+    def problems_of_grains(self) -> Iterator[str]:
+        """Contradictions among the grains, in what breaks, at the platens and of the spring of the load point."""
+        yield from super().problems_of_grains()
         if self.breakable and (self.shape != "angular" or self.dim != 2):
             yield f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}"
         if self.dim == 3 and self.platen_roughness > 1.0:
             yield f"--platen-roughness {self.platen_roughness:g} must be <= 1 in 3D: mobile grains would pass"
-        least = self.least_stiffness_number
-        if self.shape == "angular" and self.stiffness_number < least and not self.effects:
-            yield (
-                f"--stiffness-number {self.stiffness_number:g} must be >= {least:g} with --corner-radius "
-                f"{self.corner_radius:g}, or overlaps exceed a tenth of what corners can carry; raise one of the two"
-            )
-
-    def _problems_of_spring(self) -> Iterator[str]:
-        """A spring of the load point that is given twice."""
         springs = [name for name in SPRINGS if getattr(self, name)]
         if len(springs) > 1:
             options = " and ".join("--" + name.replace("_", "-") for name in springs)
             yield f"{options} are all the stiffness of the load spring: give one of them"
-
-    def problems_of_shear(self) -> Iterator[str]:
-        """Contradictions in how the layer is sheared, which each experiment has its own parameters of; none here."""
-        yield from ()
-
-    def shear_tables(self) -> list[StageTable]:
-        """The stages after the consolidation; every experiment on a layer has its own."""
-        raise NotImplementedError
-
-    def how_far(self) -> str:
-        """What says how far the layer is sheared, in words of the options."""
-        return "the stages"
-
-    @property
-    def staged(self) -> bool:
-        """Whether the shear has stages of different kinds: rows tell the repetition of theirs, and slip within it."""
-        return True
-
-    def time_of_stages(self) -> float:
-        """Expected time of the stages after the consolidation [s]."""
-        return expected(self)[1] * self.inertial_time
-
-    @property
-    def pushed(self) -> bool:
-        """Whether a shear stress pushes the layer in any of its stages."""
-        return any(table.shear_stress is not None for table in self.shear_tables())
 
     def remarks(self) -> Iterator[str]:
         """That a number of grains gives a layer too thin to have a bulk."""
@@ -213,67 +85,21 @@ class LayerParams(BaseParams):
             )
 
     def idle(self) -> dict[str, str]:
-        """Fields that have no effect: of the other dimension or shape, or of an effect that another one replaces."""
-        found = {}
-        if self.grains is not None:
-            found["layer_thickness"] = f"beside --grains {self.grains}, from which the thickness follows"
-        if self.dim == 2:
-            found["width"] = "with --dim 2"
-        if self.shape != "angular":
-            found["corner_radius"] = f"with --shape {self.shape}"
+        """As of grains; and parameters of grains that break."""
+        found = super().idle()
         if not self.breakable:
             found |= dict.fromkeys(("pieces", "bond_strength"), "without --breakable")
-        for effect in self.given_effects():
-            role = effect.role or effect.phase
-            found |= dict.fromkeys(REPLACED.get(role, ()), f"beside the effect {effect.name}, which replaces its own")
         return found
 
-    def read_as(self, name: str, word: str) -> str | None:
-        """That a word for the round grains of the other dimension means those of this one."""
-        return round_grains(word, self.dim) if name == "shape" else None
-
-    def given_effects(self) -> list["Effect"]:
-        """The effects of `effects`; InputError if they are wrong."""
-        if not self.effects:
-            return []  # and Taichi, which effects need, is not imported
-        with in_terms_of("effects", EFFECTS_HELP + self._misplaced()):
-            return lsm.effects.make_effects(self.effects)
-
-    def _misplaced(self) -> str:
-        """Where parameters of the experiment belong that stand in a table of an effect, "" if none does."""
-        effects, keys = lsm.effects.find_effects(), set()
-        for table in self.effects:
-            effect = effects.get(str(table.get("name")))
-            own = {field.name for field in dataclasses.fields(effect)} if effect else set()  # pyright: ignore[reportArgumentType]  effects are dataclasses
-            keys |= (table.keys() - own) & type(self).model_fields.keys()
-        return f"; {listed(sorted(keys))}, of the experiment, must stand above the first [[effects]]" if keys else ""
-
-    def resolved(self) -> dict[str, Any]:
-        """Values by field; of the thickness, length and number of grains those that stand for none."""
-        thickness, lengths = self.layer
-        sizes = {"layer_thickness": thickness / self.diameter, "length": lengths[0] / self.diameter}
-        return super().resolved() | sizes
+    @property
+    def given_thickness(self) -> float | None:
+        """Thickness of the layer that is given [mean diameters]."""
+        return self.layer_thickness
 
     @property
-    def least_stiffness_number(self) -> float:
-        """Least stiffness number with which overlaps of angular grains stay within what their corners carry [1]."""
-        return 5.0 / self.corner_radius * (self.pieces**0.5 if self.breakable else 1.0)
-
-    @property
-    def layer(self) -> tuple[float, tuple[float, ...]]:
-        """(thickness, periodic lengths) of the layer [m]; as given, by dimension, or the thickness of the grains."""
-        thickness = self.layer_thickness or (24.0 if self.dim == 2 else 15.0)
-        length = self.length or (30.0 if self.dim == 2 else 20.0)
-        across = () if self.dim == 2 else (self.width,)
-        if self.grains is not None:
-            one = np.pi / 4.0 if self.dim == 2 else np.pi / 6.0  # of a grain of the mean diameter
-            thickness = self.grains * one / (PACKED[self.dim] * float(np.prod((length, *across))))
-        return thickness * self.diameter, tuple(size * self.diameter for size in (length, *across))
-
-    @property
-    def area(self) -> float:
-        """Area [m2] of the layer along the shear; in 2D the out-of-plane depth b is d."""
-        return float(np.prod(self.layer[1])) * (self.diameter if self.dim == 2 else 1.0)
+    def pieces_of_one(self) -> int:
+        """Of how many pieces a grain consists [1]."""
+        return self.pieces if self.breakable else 1
 
     @property
     def shear_stiffness(self) -> float:
@@ -293,24 +119,3 @@ class LayerParams(BaseParams):
         if self.load_stiffness_ratio:
             return self.load_stiffness_ratio * self.shear_stiffness
         return self.load_stiffness
-
-    @property
-    def diameter(self) -> float:
-        """Mean diameter d [m]."""
-        return 0.5 * (self.smallest_diameter + self.largest_diameter)
-
-    @property
-    def inertial_time(self) -> float:
-        """Inertial time d sqrt(rho/P) [s]: in which the stress moves a grain by about its diameter."""
-        return self.diameter * float(np.sqrt(self.density / self.normal_stress))
-
-    @property
-    def stiffness(self) -> float:
-        """Normal stiffness k [N m-1] of the contacts: of the stiffness number, or of the effects that replace it.
-
-        In 2D the out-of-plane depth b is d.
-        """
-        elastic = [effect for effect in self.given_effects() if effect.role == "elasticity"]
-        if elastic:
-            return lsm.contact_stiffness(elastic, self.normal_stress, self.diameter)
-        return self.stiffness_number * self.normal_stress * self.diameter

@@ -1,7 +1,6 @@
-"""One run of a layer through its stages, in its folder: what all experiments on a layer share.
+"""One run of grains through their stages, in its folder: what all experiments on a layer or a cell share.
 
-Stages: generate (a packing of grains that do not touch, between two platens of glued grains), consolidate (the servo
-presses the top platen down to the normal stress), then those of the shear, which each experiment gives.
+Stages: generate, consolidate, then those of the shear, which each experiment gives; see `subject.Subject`.
 """
 
 from __future__ import annotations
@@ -30,12 +29,10 @@ from workflows.common.run_folder import (
 )
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.expected_shear import expected
-from workflows.gouge.labels import grain_words
+from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_cost import start_seconds
-from workflows.gouge.layer_drives import LayerDrives
-from workflows.gouge.layer_parameters import LayerParams
-from workflows.gouge.layer_scene import build
-from workflows.gouge.layer_schedule import CONSOLIDATE, layer_schedule
+from workflows.gouge.layer_schedule import CONSOLIDATE
+from workflows.gouge.subject import LAYER, Subject
 from workflows.plots import run_plots
 from workflows.protocol.conditions import LOADED
 from workflows.protocol.resume import Start, start_of
@@ -64,12 +61,15 @@ class LayerExperiment:
         Parameters that may grow in a run that goes on, which makes it longer.
     analysed
         Parameters that may change in it, as rows and snapshots do not depend on them.
+    subject
+        What is sheared.
     """
 
     name: str
     conclude: Conclude
     longer: frozenset[str] = frozenset()
     analysed: frozenset[str] = frozenset()
+    subject: Subject = LAYER
 
     @property
     def resumable(self) -> frozenset[str]:
@@ -80,7 +80,7 @@ class LayerExperiment:
 def run_layer(
     experiment: LayerExperiment,
     scene: lsm.Scene | None,
-    params: LayerParams,
+    params: GrainParams,
     out: str | os.PathLike[str],
     progress: Progress | None = None,
     existing: Existing = "refuse",
@@ -115,11 +115,11 @@ def run_layer(
     with run_folder(params, experiment.name, out, existing, experiment.resumable, begin=not resume) as folder:
         if resume and _is_finished(folder):
             return _analyse_again(experiment, params, folder, progress, watch)
-        layer = scene or build(params, progress)
+        layer = scene or experiment.subject.build(params, progress)
         return _simulate(experiment, layer, params, folder, progress, watch, resume)
 
 
-def check_resume(experiment: LayerExperiment, params: LayerParams, out: Path) -> None:
+def check_resume(experiment: LayerExperiment, params: GrainParams, out: Path) -> None:
     """Refuse to go on with the run in a folder with parameters that it cannot take.
 
     Raises
@@ -152,7 +152,7 @@ def check_resume(experiment: LayerExperiment, params: LayerParams, out: Path) ->
         )
 
 
-def can_go_on(experiment: LayerExperiment, params: LayerParams, out: Path) -> bool:
+def can_go_on(experiment: LayerExperiment, params: GrainParams, out: Path) -> bool:
     """Whether the run in a folder can go on with these parameters."""
     try:
         check_resume(experiment, params, out)
@@ -170,7 +170,7 @@ def _is_finished(out: Path) -> bool:
 def _simulate(
     experiment: LayerExperiment,
     scene: lsm.Scene,
-    params: LayerParams,
+    params: GrainParams,
     out: Path,
     progress: Progress | None,
     watch: Stopwatch,
@@ -180,9 +180,9 @@ def _simulate(
     if progress:
         progress({"stage": f"compiling, up to {start_seconds(params):.0f} s the first time"})
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
-    layer = lsm.ShearedLayer(sim, params.normal_stress, params.diameter)
+    layer = experiment.subject.measured(sim, params)
     sim.keep_checkpoints(out, seconds=np.inf)  # by the run loop, which knows when
-    schedule = layer_schedule(params, sim.dt, layer.thickness)
+    schedule = experiment.subject.schedule(params, sim.dt, layer.thickness)
     start = Start()
     if resume and lsm.checkpoints.has_checkpoint(out):
         start, damage = start_of(layer, schedule, out, watch, identity_of(experiment, params))
@@ -209,7 +209,7 @@ def _simulate(
 
 
 def _analyse_again(
-    experiment: LayerExperiment, params: LayerParams, out: Path, progress: Progress | None, watch: Stopwatch
+    experiment: LayerExperiment, params: GrainParams, out: Path, progress: Progress | None, watch: Stopwatch
 ) -> xarray.Dataset:
     """Analysis, picture and summary of a run that was complete; what it took is kept."""
     former, rate = (read_summary(out) or {}).get("metrics", {}), None
@@ -222,7 +222,7 @@ def _analyse_again(
 
 def _conclude(
     experiment: LayerExperiment,
-    params: LayerParams,
+    params: GrainParams,
     out: Path,
     progress: Progress | None,
     watch: Stopwatch,
@@ -239,7 +239,7 @@ def _conclude(
     return dataset
 
 
-def identity_of(experiment: LayerExperiment, params: LayerParams) -> dict[str, Any]:
+def identity_of(experiment: LayerExperiment, params: GrainParams) -> dict[str, Any]:
     """{name: value} of the parameters that a run that goes on must share with the one that was stopped."""
     kept = set(type(params).model_fields) - params.without_result - experiment.resumable - params.idle().keys()
     return {name: value for name, value in params.model_dump(mode="json").items() if name in kept}
@@ -247,23 +247,18 @@ def identity_of(experiment: LayerExperiment, params: LayerParams) -> dict[str, A
 
 def _record(
     experiment: LayerExperiment,
-    layer: lsm.ShearedLayer,
+    layer: Any,
     schedule: list[Stage],
     out: Path,
-    params: LayerParams,
+    params: GrainParams,
     progress: Progress | None,
     watch: Stopwatch,
     start: Start,
     resume: bool,
 ) -> RunLoop:
     """All stages of the run, with their files; returns the loop, which is at its end."""
-    sim = layer.sim
-    scene = sim.scene
-    title = f"Shear of a layer of {grain_words(scene)} in {scene.dim}D"
-    pulled = isinstance(sim.platens.drives[1][0], lsm.SpringLoadPoint)
-    drive = "by a load point on a spring" if pulled else "in stages" if params.staged else "at constant velocity"
-    drive += ", with a spring behind the servo" * bool(params.normal_stiffness)
-    summary = f"Generated {params.start}, consolidated under servo-controlled normal stress, sheared {drive}."
+    sim, subject = layer.sim, experiment.subject
+    title, summary = subject.title(sim.scene), subject.summary(params, sim)
     scalars = [lsm.Scalar("run", out.resolve().name, "name of the run, that of its folder")]
     scalars += parameter_coordinates(params, without=("stiffness_number",))  # the recorder has that of the scene
     first: list[tuple[float, int, float]] = []
@@ -274,9 +269,9 @@ def _record(
         if not progress:
             return
         if stage.name == CONSOLIDATE:
-            loaded = abs(row["platen_normal_stress"] / params.normal_stress - 1.0) < LOADED
+            loaded = abs(row[subject.normal_stress] / params.normal_stress - 1.0) < LOADED
             height = {"height": layer.thickness, "height_goal": params.layer[0]}
-            stress = {"normal_stress": row["platen_normal_stress"]}
+            stress = {"normal_stress": row[subject.normal_stress]}
             progress({"stage": "settling" if loaded else "consolidating", **height, **stress})
             return
         elapsed = row["time"] - (loop.position.shear_since or 0.0)
@@ -285,6 +280,7 @@ def _record(
         shown = stage.name if params.staged else "shearing"
         report = {"stage": shown + f" {stage.cycle}" * (stage.cycle > 0), "strain": row["shear_strain"]}
         report |= {"share": now[2]} if params.staged else {"strain_total": strain}
+        report |= {"normal_stress": row[subject.normal_stress]}
         progress(report | _progress(row, layer, first[0], now))
 
     with lsm.LayerRecorder(
@@ -296,7 +292,7 @@ def _record(
             layer,
             recorder,
             schedule,
-            LayerDrives(params, sim),
+            subject.drives(params, sim),
             report,
             watch,
             start,
@@ -308,7 +304,7 @@ def _record(
 
 
 def _progress(
-    row: dict[str, Any], layer: lsm.ShearedLayer, first: tuple[float, int, float], last: tuple[float, int, float]
+    row: dict[str, Any], layer: Any, first: tuple[float, int, float], last: tuple[float, int, float]
 ) -> dict[str, Any]:
     """What is measured, for the progress line; speed and remaining time are known from the second row on.
 
@@ -316,7 +312,6 @@ def _progress(
     """
     report = {
         "friction": row["friction"],
-        "normal_stress": row["platen_normal_stress"],
         "energy_residual": layer.residual_fraction(),
     }
     spent, steps, share = (b - a for a, b in zip(first, last))

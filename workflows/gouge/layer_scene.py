@@ -13,8 +13,9 @@ from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.reports import Progress
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.expected_shear import expected
+from workflows.gouge.grain_parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, GrainParams
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
-from workflows.gouge.layer_parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, SPRINGS, LayerParams
+from workflows.gouge.layer_parameters import SPRINGS, LayerParams
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,6 +60,11 @@ def _check_effects(p: LayerParams) -> None:
             shapes=[stand_in(p.shape, p.dim)],
             bonds=np.array([[0, 1]]) if p.breakable else None,
         )
+    check_stiffness(p)
+
+
+def check_stiffness(p: GrainParams) -> None:
+    """Refuse contacts of angular grains that are too soft for their corners, of whatever effects."""
     number, least = p.stiffness / (p.normal_stress * p.diameter), p.least_stiffness_number
     if p.shape == "angular" and number < least:
         raise lsm.InputError(
@@ -77,7 +83,7 @@ def stand_in(shape: str, dim: int) -> GrainShape:
     return lsm.shapes.from_planes(np.concatenate([np.eye(3), -np.eye(3)]), np.full(6, 0.5), 0.1)
 
 
-def mobile_count(params: LayerParams) -> int:
+def mobile_count(params: GrainParams) -> int:
     """Number of mobile grains: as given, or as many as give the consolidated layer its thickness."""
     thickness, lengths = params.layer
     one = lsm.disc() if params.dim == 2 else lsm.sphere()
@@ -165,7 +171,8 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
             area=area,
             safety=p.step_safety,
         )
-    _check_steps(scene, p, servo.inertia)
+    check_steps(scene, p)
+    _check_springs(scene, p, servo.inertia)
     return scene
 
 
@@ -188,8 +195,8 @@ def _servo(p: LayerParams, mobile: NDArray, glued: NDArray) -> lsm.ServoStress:
     )
 
 
-def _check_steps(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
-    """Refuse runs of too many steps, and springs of the load point or behind the servo too stiff for the step."""
+def check_steps(scene: lsm.Scene, p: GrainParams) -> None:
+    """Refuse runs of too many steps."""
     dt = scene.chosen_dt()
     _, shear_time = expected(p)
     steps = shear_time * p.inertial_time / dt
@@ -199,6 +206,11 @@ def _check_steps(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
             f"steps of {dt:.2g} s, must be <= {MOST_STEPS:g}; shear less far, lower --stiffness-number "
             f"{p.stiffness_number:g}, or raise --inertial-number or --step-safety {p.step_safety:g}"
         )
+
+
+def _check_springs(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
+    """Refuse springs of the load point or behind the servo that are too stiff for the step."""
+    dt = scene.chosen_dt()
     most = inertia / dt**2
     if p.normal_stiffness and p.normal_stiffness * p.area > most:
         raise lsm.InputError(
@@ -214,7 +226,7 @@ def _check_steps(scene: lsm.Scene, p: LayerParams, inertia: float) -> None:
         )
 
 
-def effects_of(params: LayerParams) -> list[Effect]:
+def effects_of(params: GrainParams) -> list[Effect]:
     """Effects of the contacts: elastic, damped, frictional; a given effect replaces the default of its kind."""
     p = params
     usual = [
@@ -224,7 +236,7 @@ def effects_of(params: LayerParams) -> list[Effect]:
     ]
     given = p.given_effects()
     taken = {effect.role or effect.phase for effect in given}
-    usual += [_bond(p)] if p.breakable else []
+    usual += [_bond(p)] if isinstance(p, LayerParams) and p.breakable else []
     return [effect for effect in usual if (effect.role or effect.phase) not in taken] + given
 
 

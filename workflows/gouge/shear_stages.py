@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from workflows.gouge.expected_shear import duration
+from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_drives import NORMAL_STIFFNESS, NORMAL_STRESS, SHEAR_RATE, SHEAR_STRESS
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.protocol.conditions import Reached
@@ -14,18 +15,19 @@ SNAPSHOT_STRAIN = 1.0  # shear strain from snapshot to snapshot of a stage
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 
 
-def shear_stages(params: LayerParams, dt: float) -> list[Stage]:
+def shear_stages(params: GrainParams, dt: float) -> list[Stage]:
     """All stages after the consolidation; dt: time step [s]. The first puts the spring behind the servo, if any."""
     all_stages = planned(params.shear_tables())
     last = max((stage.cycle for stage in all_stages), default=0)
-    spring = {NORMAL_STIFFNESS: Change(params.normal_stiffness)} if params.normal_stiffness else {}
+    stiffness = params.normal_stiffness if isinstance(params, LayerParams) else None
+    spring = {NORMAL_STIFFNESS: Change(stiffness)} if stiffness else {}
     return [
         _stage(params, dt, stage, {} if i else spring, kept=stage.cycle in (0, 1, last))
         for i, stage in enumerate(all_stages)
     ]
 
 
-def _stage(params: LayerParams, dt: float, stage: Planned, first: dict[str, Change], kept: bool) -> Stage:
+def _stage(params: GrainParams, dt: float, stage: Planned, first: dict[str, Change], kept: bool) -> Stage:
     """One stage; first: what changes in it beside what its table gives."""
     p, table = params, stage.table
     within = table.ramp * p.inertial_time
@@ -55,7 +57,7 @@ def _stage(params: LayerParams, dt: float, stage: Planned, first: dict[str, Chan
     )
 
 
-def _spacing(params: LayerParams, dt: float, sample: Sample, velocity: float | None) -> Spacing:
+def _spacing(params: GrainParams, dt: float, sample: Sample, velocity: float | None) -> Spacing:
     """Steps and samples of rows; of a velocity over that of the inertial number, None under a shear stress."""
 
     def steps(interval: Interval) -> float:

@@ -17,15 +17,15 @@ Memory = dict[str, Any]  # numbers by name
 class Condition(Protocol):
     """The end of a stage."""
 
-    def begin(self, layer: lsm.ShearedLayer) -> Memory:
+    def begin(self, layer: lsm.ShearedGrains) -> Memory:
         """What the condition remembers as the stage begins."""
         ...
 
-    def met(self, layer: lsm.ShearedLayer, row: dict[str, Any], memory: Memory) -> bool:
+    def met(self, layer: lsm.ShearedGrains, row: dict[str, Any], memory: Memory) -> bool:
         """Whether the stage has ended with this row of run.nc; `memory` may be changed."""
         ...
 
-    def open_again(self, layer: lsm.ShearedLayer, memory: Memory) -> bool:
+    def open_again(self, layer: lsm.ShearedGrains, memory: Memory) -> bool:
         """Whether a stage that had ended goes on under this condition, which asks for more than the former one."""
         ...
 
@@ -38,15 +38,15 @@ class Reached:
     slip: float = float("inf")
     time: float = float("inf")
 
-    def begin(self, layer: lsm.ShearedLayer) -> Memory:
+    def begin(self, layer: lsm.ShearedGrains) -> Memory:
         """Strain, slip and time at the begin of the stage."""
         return {"strain": layer.strain, "slip": layer.slip, "time": layer.sim.time}
 
-    def met(self, layer: lsm.ShearedLayer, row: dict[str, Any], memory: Memory) -> bool:
+    def met(self, layer: lsm.ShearedGrains, row: dict[str, Any], memory: Memory) -> bool:
         """Whether one of them is reached; slip counts in either direction."""
         return not self.open_again(layer, memory)
 
-    def open_again(self, layer: lsm.ShearedLayer, memory: Memory) -> bool:
+    def open_again(self, layer: lsm.ShearedGrains, memory: Memory) -> bool:
         """Whether none of them is reached."""
         return (
             layer.strain - memory["strain"] < self.strain
@@ -57,7 +57,9 @@ class Reached:
 
 @dataclass(frozen=True)
 class Settled:
-    """The platen carries its normal stress [Pa] and the thickness no longer changes, within a time [s].
+    """The grains carry their normal stress [Pa] and the thickness no longer changes, within a time [s].
+
+    row: name of the normal stress in a row.
 
     Raises
     ------
@@ -67,14 +69,15 @@ class Settled:
 
     normal_stress: float
     within: float
+    row: str = "platen_normal_stress"
 
-    def begin(self, layer: lsm.ShearedLayer) -> Memory:
+    def begin(self, layer: lsm.ShearedGrains) -> Memory:
         """Thickness and time at the begin; number of rows so far in which the layer was at rest."""
         return {"thickness": layer.thickness, "time": layer.sim.time, "quiet": 0}
 
-    def met(self, layer: lsm.ShearedLayer, row: dict[str, Any], memory: Memory) -> bool:
+    def met(self, layer: lsm.ShearedGrains, row: dict[str, Any], memory: Memory) -> bool:
         """Whether the layer was loaded and still in the last rows."""
-        stress = row["platen_normal_stress"]
+        stress = row[self.row]
         still = abs(layer.thickness / memory["thickness"] - 1.0) < STILL
         loaded = abs(stress / self.normal_stress - 1.0) < LOADED
         memory["thickness"], memory["quiet"] = layer.thickness, memory["quiet"] + 1 if still and loaded else 0
@@ -85,6 +88,6 @@ class Settled:
             )
         return memory["quiet"] >= QUIET_ROWS
 
-    def open_again(self, layer: lsm.ShearedLayer, memory: Memory) -> bool:
+    def open_again(self, layer: lsm.ShearedGrains, memory: Memory) -> bool:
         """Never: a layer that has settled has settled."""
         return False

@@ -36,7 +36,7 @@ class Start:
 
 
 def start_of(
-    layer: lsm.ShearedLayer,
+    layer: lsm.ShearedGrains,
     schedule: Sequence[Stage],
     out: str | os.PathLike[str],
     watch: Stopwatch,

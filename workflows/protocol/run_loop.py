@@ -67,7 +67,7 @@ class RunLoop:
 
     def __init__(
         self,
-        layer: lsm.ShearedLayer,
+        layer: lsm.ShearedGrains,
         recorder: lsm.LayerRecorder,
         schedule: Sequence[Stage],
         drives: Drives,
