@@ -36,6 +36,10 @@ TINY = {  # small runs of the workflows whose standard ones are large, from whic
     "normal-stress-steps": [TINY_LAYER | {"grains": "20"}],
     "slide-hold-slide": [TINY_LAYER | {"grains": "20"}],
     "stick-slip": [TINY_LAYER | {"grains": "20", "load_stiffness": "1e3"}],
+    "shear-cell": [
+        TINY_LAYER | {"grains": "20"},
+        TINY_LAYER | {"grains": "20", "dim": "3", "width": "5", "shape": "angular", "start": "dense"},
+    ],
     "compare-shapes": [TINY_LAYER | {"grains": "20", "replicas": "1"}],
     "energy-conservation": [{"grains": "16", "order_grains": "16"}],
     "shape-roughness": [{"layer_thickness": "8", "length": "6"}],
@@ -196,6 +200,7 @@ def test_the_command_line_shows_no_traceback(tmp_path):
         f"shear-gouge --dim 3 --smallest-diameter 1e-9 {small}",
         f"shear-gouge --shape angular --corner-radius 0.25 --breakable --pieces 40 --target-error 0.1 {small}",
         f"shear-gouge --strain 10000 --inertial-number 1e-9 {small}",
+        f"shear-cell --steady-from 9 {small}",
         f"compare-shapes --platen-roughness 3 {small}",
         "energy-conservation --corner-radius 0.3 --gap 0.2 --order-grains 16",
         "shape-roughness --strain 0.5",

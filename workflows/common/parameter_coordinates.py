@@ -15,6 +15,8 @@ RENAMED = {  # parameters whose names are those of measured variables
     "friction": "particle_friction",
     "inertial_number": "target_inertial_number",
     "layer_thickness": "target_thickness_in_diameters",
+    "cell_height": "target_height_in_diameters",
+    "solid_fraction": "target_solid_fraction",
     "normal_stress": "target_normal_stress",
 }
 

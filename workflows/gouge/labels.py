@@ -44,7 +44,7 @@ def grains_of_run(run: xarray.Dataset, params: Any) -> str:
     params: attributes by the name of a parameter, as stored in the file. Breakable grains have pieces and bonds there,
     those of a file without such a title are named by their option.
     """
-    of_title = re.fullmatch(r"Shear of a layer of (.+) in \dD", str(run.attrs.get("title", "")))
+    of_title = re.fullmatch(r"Shear of a (?:layer|cell) of (.+) in \dD", str(run.attrs.get("title", "")))
     words = of_title[1] if of_title else shape_words(params.shape, params.dim)
     if words != "breakable grains":
         return words

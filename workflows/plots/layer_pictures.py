@@ -77,6 +77,9 @@ def read_snapshot(path: Path, index: int = -1, through: int | None = None) -> Sn
     platens = height[glued] if glued.any() else height
     upper = velocity[glued & (height > platens.mean())]
     velocity = velocity / ((upper.mean() if upper.size else 0.0) or 1.0)
+    if "cell_height" in now:
+        position, velocity = _in_cell(now, position)
+        period = np.delete(period, 1)
     if len(period) == 1:
         outlines = _rotated_outlines(grains, now)
     else:
@@ -88,6 +91,16 @@ def read_snapshot(path: Path, index: int = -1, through: int | None = None) -> Sn
         position, velocity, glued, number = position[cut, :2], velocity[cut], glued[cut], number[cut]
     position[:, 0] %= period[0]
     return Snapshot(outlines, position, velocity, glued, period[0], number, len(period) > 1)
+
+
+def _in_cell(now, position):
+    """Images of the grains within a sheared cell [mm], and their velocities along the shear over its upper border's."""
+    height, shift = 1e3 * float(now.cell_height), 1e3 * float(now.cell_shift)
+    turns, flow = np.floor(position[:, 1] / height), float(now.cell_shear_rate) * float(now.cell_height)
+    inside = position.copy()
+    inside[:, 1] -= turns * height
+    inside[:, 0] -= turns * shift
+    return inside, (now.velocity.values[:, 0] - turns * flow) / (flow or 1.0)
 
 
 def _sections(grains, now, off):
@@ -158,9 +171,9 @@ def bar_beside(axes: Any) -> Any:
     return axes.inset_axes((1.0 + width, 0.0, width, 1.0))
 
 
-def draw_colour_bar(figure: Any, drawn: Any, **place: Any) -> None:
-    """Explain the colours of `draw_packing`: `drawn` is what it returned, `place` where, as matplotlib takes it."""
-    figure.colorbar(drawn, extend="both", **place).set_label(BAR, fontsize=8.8)
+def draw_colour_bar(figure: Any, drawn: Any, words: str = BAR, **place: Any) -> None:
+    """Explain the colours of `draw_packing` in `words`: `drawn` is what it returned, `place` as matplotlib takes it."""
+    figure.colorbar(drawn, extend="both", **place).set_label(words, fontsize=8.8)
 
 
 def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> Any:

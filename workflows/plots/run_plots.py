@@ -71,7 +71,7 @@ def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
         packing.set_title(title.rstrip())
         draw_colour_bar(figure, drawn, cax=bar_beside(packing))
         _draw_thickness(thickness, sheared, course, COLOUR[params.shape])
-        _draw_energy(energy, sheared, course)
+        draw_energy(energy, sheared, course)
         for letter, draw in zip("ef", more):
             draw(panels[letter], sheared, letter, course)
         figure.suptitle(title_of(dataset))
@@ -93,9 +93,7 @@ def plot_stopped(out: str | os.PathLike[str], error: lsm.SimulationError, kind: 
         unseen = [k for k in error.grains if k not in marked]
         words = ["last snapshot"]
         if snapshot.is_section:
-            words += [
-                section_words(3, f"through grain {error.grains[0]}" if cut[:1] == [*error.grains[:1]] else MIDDLE)
-            ]
+            words += [section_words(3, f"through grain {cut[0]}" if cut and cut[0] == error.grains[0] else MIDDLE)]
         words += [f"edged in red: {_listed(marked)}"] * bool(marked) + [f"not in it: {_listed(unseen)}"] * bool(unseen)
         axes.set_title(wrapped("; ".join(words), 80))
         figure.suptitle(wrapped(str(error), 95))
@@ -247,8 +245,8 @@ def _draw_thickness(axes, sheared, course, colour):
     axes.set_title("(c) layer thickness and porosity")
 
 
-def _draw_energy(axes, sheared, course):
-    """Work done and where it went, all since shear began."""
+def draw_energy(axes: Any, sheared: Any, course: Course, drives: str = "platens") -> None:
+    """Work done by the `drives` and where it went, all since shear began; sheared: rows of run.nc since then."""
     since = sheared - sheared.isel(time=0)
     lost = since.dissipated_energy.values
     work, residual = since.external_work.values, np.abs(since.energy_residual.values).max()
@@ -259,7 +257,7 @@ def _draw_energy(axes, sheared, course):
     axes.stackplot(
         course.values, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
     )
-    axes.plot(course.values, factor * work, "k", lw=1.5, label="work of the platens")
+    axes.plot(course.values, factor * work, "k", lw=1.5, label=f"work of the {drives}")
     axes.plot(course.values, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
     course.name_axis(axes)
     axes.set(ylabel=f"energy since shear began [{unit}]")

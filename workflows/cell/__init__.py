@@ -1,0 +1,1 @@
+"""Parts of the experiment on a sheared cell without walls."""
