@@ -191,8 +191,8 @@ class Simulation:
         """Start again from the present positions and velocities, taken to belong to the same time, without a past.
 
         No contact remembers anything, nothing has been dissipated, no work has been done. Platens and plane walls are
-        at the places where the scene has them; bonds that are broken stay broken. strain [1]: of a sheared cell at the
-        start.
+        at the places where the scene has them; bonds that are broken stay broken, a cell keeps its height. strain [1]:
+        of a sheared cell at the start.
         """
         self.step = 0
         self._last_good = None
