@@ -219,7 +219,7 @@ def collect(
         params,
         "Strength of a layer after holds",
         f"One row per run: {params.replicas} seeds, each without a hold and with {params.holds} of different time.",
-        parameters=("seed", "hold_time", *(scalar.name for scalar in shared)),
+        parameters=("seed", "hold_time", "hold_inertial_times", *(scalar.name for scalar in shared)),
         text=TEXTS | texts,
         run_status=run_status,
     )

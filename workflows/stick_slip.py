@@ -59,12 +59,12 @@ class Params(LayerParams):
             "strain": 0.5,
             "step_safety": 0.6,
         },
-        # Half the usual step: the energy of the smallest events closes too.
-        "demo": {"load_stiffness_ratio": 0.02, "inertial_number": 3e-4, "strain": 1.0, "step_safety": 0.2},
-        "standard": {"load_stiffness_ratio": 0.02, "inertial_number": 1e-4, "step_safety": 0.2},
+        # A quarter of the usual step: the energy of the smallest events closes too.
+        "demo": {"load_stiffness_ratio": 0.02, "inertial_number": 3e-4, "strain": 0.5, "step_safety": 0.1},
+        "standard": {"load_stiffness_ratio": 0.02, "inertial_number": 1e-4, "strain": 1.5, "step_safety": 0.1},
         "reference": {
             "load_stiffness_ratio": 0.02,
-            "step_safety": 0.2,
+            "step_safety": 0.1,
             "length": 60.0,
             "inertial_number": 3e-5,
             "stiffness_number": 1e4,
@@ -99,20 +99,26 @@ def events_of(dataset: xarray.Dataset, params: Params) -> xarray.Dataset:
     stress = spring * run.spring_stretch.values / params.area
     load = float(np.median(run.load_point_velocity.values))
     events = lsm.statistics.detect_events(run.time.values, stress, run.plate_velocity.values, load)
-    return lsm.statistics.event_energies(run, events, spring)
+    return lsm.statistics.event_energies(run, events, spring).assign_attrs(load_velocity=load)
 
 
 def analyse(events: xarray.Dataset, params: Params) -> dict[str, Metric]:
     """Metrics of the events, in docs/stick-slip.md."""
     count = events.sizes["event"]
-    metrics = {"events": Metric(count, "1", note="slip events")}
+    threshold = float(events.attrs["onset_velocity"]) / float(events.attrs["load_velocity"])
+    metrics = {
+        "events": Metric(count, "1", note="slip events"),
+        "onset_velocity": Metric(
+            threshold, "1", note="that the platen must exceed in an event, over the load point's; slower slips are none"
+        ),
+    }
     if count < 2:
         return metrics
     found, p = lsm.statistics.catalogue_statistics(events), params
     for name, estimate, unit, words in (
         ("stress_drop", found.stress_drop, p.normal_stress, "mean drop of the stress over the normal stress"),
         ("slip", found.slip, p.diameter, "mean slip of an event in mean diameters"),
-        ("duration", found.duration, p.inertial_time, "mean duration in inertial times"),
+        ("duration", found.duration, p.inertial_time, "mean duration in inertial times, in whole rows"),
         ("recurrence", found.recurrence, p.inertial_time, "mean time from onset to onset in inertial times"),
     ):
         scaled = estimate._replace(mean=estimate.mean / unit, standard_error=estimate.standard_error / unit)
@@ -140,7 +146,7 @@ def _sizes(events: xarray.Dataset) -> dict[str, Metric]:
     try:
         found = lsm.statistics.b_value(np.log10(events.stress_drop.values))
     except lsm.InputError as error:
-        return {"b_value": Metric(None, "1", note=f"unknown: {error}")}
+        return {"b_value": Metric(None, "1", note=f"unknown, of log10 of the drops in Pa: {error}")}
     words = "slope of the numbers of events against the decimal logarithm of their drop"
     return metrics_of_value("b_value", found.b, "1", words)
 

@@ -58,12 +58,18 @@ class Params(StepParams):
         "reference": {"length": 60.0, "inertial_number": 3e-4, "stiffness_number": 1e4, "cycles": 60},
     }
 
+    @property
+    def fastest(self) -> float:
+        """Velocity of the fastest stage over V [1]."""
+        return self.velocity_ratio
+
     def shear_tables(self) -> list[StageTable]:
         """Run-in, then steps up and down."""
         return self.step_tables({"velocity": self.velocity_ratio}, {"velocity": 1.0})
 
     def problems_of_shear(self) -> Iterator[str]:
-        """A velocity beyond what a layer is sheared at."""
+        """A velocity beyond what a layer is sheared at, or slips too short to show a step."""
+        yield from super().problems_of_shear()
         fastest = self.velocity_ratio * self.inertial_number
         if fastest > 0.3:
             yield (
@@ -102,9 +108,9 @@ def response_of(dataset: xarray.Dataset, params: Params) -> Response:
     stacks, v = stacks_of(dataset, params), velocities_of(dataset)
     friction = np.stack([stacks[stage].platen_friction.values for stage in (UP, DOWN)], axis=1)
     slip = stacks[UP].slip_since_step.values
-    # The spring over the normal force on the layer [1/m].
-    stiffness = params.spring / (params.normal_stress * params.area) if params.spring else math.inf
-    laws = lsm.statistics.compare_laws(slip, friction, [v[DOWN], v[UP]], [v[UP], v[DOWN]], stiffness=stiffness)
+    laws = lsm.statistics.compare_laws(
+        slip, friction, [v[DOWN], v[UP]], [v[UP], v[DOWN]], stiffness=spring_over_force(params)
+    )
     logarithm = math.log(v[UP] / v[DOWN])
     return Response(
         stacks,
@@ -113,6 +119,11 @@ def response_of(dataset: xarray.Dataset, params: Params) -> Response:
         lsm.statistics.combine_replicas(steady_changes(stacks, "platen_friction", params) / logarithm),
         lsm.statistics.combine_replicas(steady_changes(stacks, "porosity", params) / logarithm),
     )
+
+
+def spring_over_force(params: Params) -> float:
+    """The spring over the normal force on the layer [m-1]; inf at an imposed velocity."""
+    return params.spring / (params.normal_stress * params.area) if params.spring else math.inf
 
 
 def analyse(response: Response, params: Params) -> dict[str, Metric]:
@@ -141,7 +152,8 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
         ("relaxation_time", per_time, "D_c/(r V) in inertial times"),
     ):
         interval = None if distance.unknown else (distance.low / unit, distance.high / unit)
-        metrics[name] = Metric(distance.value / unit, "1", interval=interval, note=words)
+        why = f"{words}; interval unknown: {distance.unknown}" if distance.unknown else words
+        metrics[name] = Metric(distance.value / unit, "1", interval=interval, note=why)
     return metrics
 
 
@@ -150,7 +162,14 @@ def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, M
     response = response_of(dataset, params)
     write_cycles(out, STEPS.name, response.stacks, params, "Velocity steps of a sheared layer, cycle by cycle")
     plot_run(out, params.format)
-    plot_velocity_steps(out / f"steps.{params.format}", dataset, response.stacks, response.laws, response.velocities)
+    plot_velocity_steps(
+        out / f"steps.{params.format}",
+        dataset,
+        response.stacks,
+        response.laws,
+        response.velocities,
+        spring_over_force(params),
+    )
     return analyse(response, params) | quality_metrics(dataset, params)
 
 

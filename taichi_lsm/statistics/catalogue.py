@@ -162,7 +162,7 @@ def b_value(magnitudes: npt.ArrayLike, completeness: float | None = None, bin_wi
 def _mean(values: npt.NDArray[np.float64]) -> Estimate:
     """Mean of independent values, its error by their scatter."""
     if values.size < 2:
-        return Estimate(float(values.mean()), math.nan, values.size, math.nan, "one event: shear further")
+        return Estimate(float(values.mean()), math.nan, values.size, math.nan, "one value: shear further")
     return Estimate(
         float(values.mean()), float(values.std(ddof=1)) / math.sqrt(values.size), values.size, values.size - 1.0
     )

@@ -55,7 +55,7 @@ def stack_cycles(
     Notes
     -----
     A row is the mean since the row before, so it stands in the middle of the slip between the two. Slip counts in
-    either direction. Between rows values are interpolated along a line.
+    either direction. Between rows values are interpolated along a line, but not across the step.
     """
     import xarray
 
@@ -124,11 +124,15 @@ def _grid(stage: str, passages: list[Array], slips: npt.ArrayLike | None) -> Arr
     """Slips that all passages have [m]."""
     first, last = max(x[0] for x in passages), min(x[-1] for x in passages)
     grid = passages[-1] if slips is None else np.asarray(slips, float)
+    # Nothing is interpolated between the last row before the step and the first one after it.
+    low = min((float(x[x < 0.0].max()) for x in passages if (x < 0.0).any()), default=-np.inf)
+    high = max(float(x[x >= 0.0].min()) for x in passages)
     if grid.ndim != 1 or not np.all(np.diff(grid) > 0.0):
         where = f"those of stage {stage}" if slips is None else f"{grid.size} values"
         raise InputError(f"slips: {where} do not rise from row to row; must be slips [m] of a layer that slides")
     margin = ROUNDING * (last - first)  # the passages differ by it
-    return grid[(grid >= first - margin) & (grid <= last + margin)]
+    apart = (grid <= low + margin) | (grid >= high - margin)
+    return grid[apart & (grid >= first - margin) & (grid <= last + margin)]
 
 
 def _series(run: "Dataset") -> dict[str, tuple[Array, dict]]:
@@ -139,6 +143,7 @@ def _series(run: "Dataset") -> dict[str, tuple[Array, dict]]:
         if v.dims == ("time",) and v.dtype.kind == "f"
     }
     if {"platen_shear_stress", "platen_normal_stress"} <= found.keys():
-        ratio = found["platen_shear_stress"][0] / found["platen_normal_stress"][0]
+        shear, normal = (found[f"platen_{name}_stress"][0] for name in ("shear", "normal"))
+        ratio = np.divide(shear, normal, out=np.full_like(shear, np.nan), where=normal != 0.0)
         found["platen_friction"] = (ratio, {"units": "1", "long_name": "shear over normal stress on the top platen"})
     return found

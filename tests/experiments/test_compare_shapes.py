@@ -13,7 +13,7 @@ from tests.helpers.pictures import panels
 from workflows import compare_shapes, shear_gouge
 from workflows.common import signals
 from workflows.common.parameters import ParameterError, merge
-from workflows.gouge.layer_metrics import BOUNDS, _mean, worst_claims
+from workflows.gouge.layer_metrics import BOUNDS, mean_metric, worst_claims
 from workflows.plots import run_plots
 
 SMALL = {"layer_thickness": 8, "length": 10, "inertial_number": 1e-2, "strain": 0.4, "steady_from": 0.2}
@@ -84,8 +84,11 @@ def test_what_is_unknown_is_called_that_in_the_printed_table_with_the_reason():
 
 def test_a_mean_without_an_interval_says_why():
     one, unknown = lsm.statistics.Estimate(0.2, 0.01), lsm.statistics.Estimate(0.2, np.nan, unknown="too few samples")
-    assert _mean(one, "1", "of all").note == "of all"
-    assert _mean(unknown, "1").note == "interval unknown: too few samples" and _mean(unknown, "1").interval is None
+    assert mean_metric(one, "1", "of all").note == "of all"
+    assert (
+        mean_metric(unknown, "1").note == "interval unknown: too few samples"
+        and mean_metric(unknown, "1").interval is None
+    )
 
 
 def test_a_claim_that_a_run_does_not_meet_is_told_with_the_run():

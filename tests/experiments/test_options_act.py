@@ -34,7 +34,7 @@ WORKFLOWS = find_workflows()
 LAYER = {"length": 6.0, "grains": 20, "strain": 1.6, "inertial_number": 0.02}
 LAYER |= {"start": "loose"}  # a dense start takes longer to make
 STEPPED = {name: value for name, value in LAYER.items() if name != "strain"}
-STEPPED |= {"run_in": 0.1, "cycles": 2, "step_slip": 0.5}
+STEPPED |= {"run_in": 0.1, "cycles": 2, "step_slip": 4.0}
 RATE_AND_STATE = dict.fromkeys(("reference_coefficient", "direct_effect", "evolution_effect"), 0.1) | {
     "name": "rate_and_state_friction",
     "slip_distance": 1e-6,

@@ -19,7 +19,7 @@ from workflows.common.discovery import find_workflows
 from workflows.common.metrics import read_summary
 from workflows.common.parameters import merge
 from workflows.common.run_folder import is_complete
-from workflows.gouge import layer_run
+from workflows.gouge import layer_run, subject
 from workflows.plots import run_plots
 
 # Smallest runs of the experiments; one that is not named here has parameters that need no telling.
@@ -183,7 +183,7 @@ def test_a_run_that_is_killed_before_its_summary_keeps_its_times(sheared, tmp_pa
         shear_gouge.run(params.model_copy(update={"steady_from": 0.25}), out, existing="resume")
     assert read_summary(out) == before
     order = []
-    monkeypatch.setattr(layer_run, "build", lambda *_: SimpleNamespace())
+    monkeypatch.setattr(subject, "build", lambda *_: SimpleNamespace())
     monkeypatch.setattr(lsm, "Simulation", lambda *_: SimpleNamespace(dt=1.0, keep_checkpoints=lambda *a, **k: None))
     monkeypatch.setattr(lsm, "ShearedLayer", lambda *_: SimpleNamespace(thickness=1.0))
     monkeypatch.setattr(layer_run, "_record", lambda *_: SimpleNamespace(grain_steps_per_second=1.0))

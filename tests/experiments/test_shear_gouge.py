@@ -40,7 +40,10 @@ def test_every_wrong_value_is_reported():
         ({"shape": "angular", "dim": 3, "breakable": True}, "not shape angular dim 3"),
         ({"dim": 3, "platen_roughness": 1.5}, "platen_roughness 1.5 must be <= 1 in 3D"),
         ({"target_error": 0.01, "load_stiffness": 1e3}, "target_error is for layers of whole grains"),
-        ({"load_stiffness": 1e3, "load_stiffness_ratio": 0.1}, "load_stiffness and load_stiffness_ratio are all"),
+        (
+            {"load_stiffness": 1e3, "load_stiffness_ratio": 0.1},
+            "load_stiffness and load_stiffness_ratio are ways to give",
+        ),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
     ],
 )

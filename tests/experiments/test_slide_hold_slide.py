@@ -1,5 +1,6 @@
 """Slide-hold-slide: what a run tells of its hold, how that grows with its time, and that all holds begin alike."""
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
@@ -90,6 +91,7 @@ def test_a_branch_is_the_run_that_goes_through_all_its_stages_at_once(runtime, t
     assert (trunk, hold) == ("seed-1", 12.0)
     before = shear_gouge.run(trunks[trunk], tmp_path / "trunk")
     fork(tmp_path / "trunk", tmp_path / "branch")
+    assert lsm.open_run(tmp_path / "branch" / "run.nc").run_status == "interrupted"  # its hold is still to come
     branch = shear_gouge.run(params, tmp_path / "branch", existing="resume")
     assert same_rows(branch.isel(time=slice(before.sizes["time"])), before)
     assert same_rows(branch, shear_gouge.run(params, tmp_path / "whole"))
@@ -118,7 +120,8 @@ def test_only_a_run_that_kept_its_checkpoint_can_be_forked(tmp_path):
         fork(tmp_path / "trunk", tmp_path / "branch")
     assert not (tmp_path / "branch").exists()
     for name in ("run.nc", "grains.nc", "checkpoint.nc"):
-        (tmp_path / "trunk" / name).write_text(name)
+        with netCDF4.Dataset(tmp_path / "trunk" / name, "w") as file:
+            file.run_status = "complete"
     fork(tmp_path / "trunk", tmp_path / "branch")
     (tmp_path / "branch" / "run.nc").write_text("longer")
     fork(tmp_path / "trunk", tmp_path / "branch")  # one that is there stays

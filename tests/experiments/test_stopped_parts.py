@@ -24,6 +24,7 @@ from workflows.protocol import finished_parts
 # Experiments whose runs have checkpoints: test_resume.py, and tests/workflows/common/test_parallel_runs.py for several.
 OF_LAYERS = {
     *("shear-gouge", "compare-shapes", "velocity-steps", "slide-hold-slide", "stick-slip", "normal-stress-steps"),
+    "shear-cell",
 }
 TIMED = {"seconds"}  # variables that no two runs share
 

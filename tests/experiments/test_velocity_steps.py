@@ -10,7 +10,7 @@ import taichi_lsm as lsm
 from workflows import normal_stress_steps, velocity_steps
 from workflows.gouge.step_cycles import DOWN, UP
 
-SMALL = {"layer_thickness": 8, "length": 8, "inertial_number": 5e-3, "run_in": 0.1, "cycles": 2, "step_slip": 0.5}
+SMALL = {"layer_thickness": 8, "length": 8, "inertial_number": 5e-3, "run_in": 0.1, "cycles": 2, "step_slip": 1.0}
 PARAMS = velocity_steps.Params(cycles=12, step_slip=3.0)
 A, B, DISTANCE = 0.02, 0.03, 0.4 * PARAMS.diameter
 VELOCITY = 1e-3
@@ -117,6 +117,12 @@ def test_the_normal_stress_of_a_layer_is_stepped(runtime, tmp_path):
     stress = {s: run.platen_normal_stress.values[run.stage.values == s][-5:].mean() for s in (UP, DOWN)}
     assert stress[UP] / stress[DOWN] == pytest.approx(1.5, rel=0.1)
     assert {"cycles.nc", "steps.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_steps_too_short_to_be_seen_are_refused_before_the_run():
+    with pytest.raises(lsm.InputError, match=r"step_slip = 0\.1: must be >= .*so that a stage takes 8 inertial times"):
+        velocity_steps.Params(step_slip=0.1)
+    normal_stress_steps.Params(step_slip=0.25)  # at one velocity
 
 
 def test_changes_with_the_normal_stress_are_told_per_ln_of_it():

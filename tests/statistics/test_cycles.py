@@ -58,6 +58,15 @@ def test_slips_may_be_given_and_those_that_not_all_have_are_left_out():
     assert stack.friction.values[3] == pytest.approx(response(np.array([1.0, 2.0]), -1.0), abs=1e-4)
 
 
+def test_nothing_is_interpolated_across_the_step():
+    """Between the last row before the step and the first one after it no slip has a value."""
+    row = LENGTH / ROWS
+    stack = stack_cycles(run(), "up", before=5.0, slips=np.linspace(-2.0, 2.0, 401))
+    slip = stack.slip_since_step.values
+    assert slip[slip < 0.0].max() <= -0.5 * row + 1e-6 and slip[slip > 0.0].min() >= 0.5 * row - 1e-6
+    assert slip.size > 300
+
+
 def test_the_mean_over_cycles_is_the_figure():
     stack = stack_cycles(run(cycles=40, noise=0.01), "up")
     mean = stack.friction.mean("cycle")

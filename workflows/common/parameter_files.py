@@ -97,6 +97,8 @@ def read_for(
     notes += [f"{path}: the table [{name}] was not taken: it is for that experiment" for name in tables]
     notes += [f"{path}: the table [{name}] was not taken: it is for lsm {name}" for name in of_commands]
     of_this = isinstance(preset, str) and not other
+    if isinstance(preset, str) and other:
+        notes.append(f'{path}: preset = "{preset}" was not taken: the file is of {as_written(written_for)}')
     return OfFile(top, own, bool(tables or foreign or other), tuple(notes), preset if of_this else None)
 
 

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 from workflows.protocol.stage_tables import planned
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from workflows.gouge.grain_parameters import GrainParams
+    from workflows.gouge.layer_parameters import LayerParams
 
 
 def expected(params: GrainParams) -> tuple[float, float]:
@@ -22,6 +25,18 @@ def expected(params: GrainParams) -> tuple[float, float]:
         takes = min(duration(p, name, value, rate) for name, value in stage.table.until.given.items())
         strain, time = strain + rate * takes, time + takes
     return strain, time
+
+
+def short_stages(params: LayerParams) -> Iterator[tuple[str, float, float]]:
+    """(name, time of its first row, time of its end) [t_i] of every stage that is to end before its first row."""
+    for stage in {stage.table.name: stage for stage in planned(params.shear_tables())}.values():
+        rate = abs(stage.velocity or 0.0) * params.inertial_number
+        sample = stage.table.sample
+        ((name, value),) = sample.given.items() if sample else [("strain", 1.0 / params.rows_per_strain)]
+        first = duration(params, name, value, rate)
+        end = min(duration(params, name, value, rate) for name, value in stage.table.until.given.items())
+        if end < first * (1.0 - 1e-6) and end < float("inf"):
+            yield stage.table.name, first, end
 
 
 def duration(params: GrainParams, name: str, value: float, rate: float) -> float:

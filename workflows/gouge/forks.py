@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import netCDF4
+
 import taichi_lsm as lsm
 from workflows.common.parameter_files import CONFIG
 from workflows.common.run_folder import is_begun
@@ -34,4 +36,7 @@ def fork(trunk: Path, branch: Path) -> None:
     undone.mkdir(parents=True)
     for name in COPIED:
         shutil.copy2(trunk / name, undone / name)
+    for name in ("run.nc", "grains.nc"):
+        with netCDF4.Dataset(undone / name, "a") as file:
+            file.run_status = "interrupted"  # the stages of the branch are still to come
     undone.rename(branch)  # at once: a copy that is cut off is no run

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, which ties its thickness to its grains
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
+LARGE, LITTLE = 1.0, 100.0  # size [m] and stress [Pa] beyond which other units may be meant
 EFFECTS_HELP = "lsm list --effects shows what there is"
 REPLACED = {  # parameters of the default effects, by the role of an effect that replaces one
     "elasticity": ("stiffness_number",),
@@ -144,6 +145,13 @@ class GrainParams(BaseParams):
     def pushed(self) -> bool:
         """Whether a shear stress pushes the grains in any of the stages."""
         return any(table.shear_stress is not None for table in self.shear_tables())
+
+    def remarks(self) -> Iterator[str]:
+        """Sizes and stresses that look as if they were given in other units."""
+        if self.largest_diameter > LARGE:
+            yield f"--largest-diameter {self.largest_diameter:g}: sizes are in m, 149e-6 is 149 um"
+        if self.normal_stress < LITTLE:
+            yield f"--normal-stress {self.normal_stress:g}: stresses are in Pa, 5e6 is 5 MPa"
 
     def idle(self) -> dict[str, str]:
         """Fields that have no effect: of the other dimension or shape, or of an effect that another one replaces."""

@@ -123,6 +123,13 @@ def healing_of(table: xarray.Dataset) -> Healing | None:
     count, freedom = len(held), (len(held) - 1) * (held.shape[1] - 1)
     error = float(np.sqrt((rest**2).sum() / freedom / count))
     line = lsm.statistics.healing_rate(times, held.mean(axis=0), np.full(len(times), error))
+    # The error is that of a scatter with so many degrees of freedom, by which the intervals are wider.
+    line = line._replace(
+        **{
+            name: getattr(line, name)._replace(degrees_of_freedom=float(freedom))
+            for name in ("per_e_fold", "per_decade", "at_unit_time")
+        }
+    )
     decades = np.log10(times)
     others = {}
     for name, words in (
@@ -130,13 +137,18 @@ def healing_of(table: xarray.Dataset) -> Healing | None:
         ("compaction", "porosity lost in a hold, per factor of ten of it"),
     ):
         slopes = np.polyfit(decades, values[name][whole][:, holds > 0.0].T, 1)[0]
-        others[f"{name}_per_decade"] = lsm.statistics.combine_replicas(slopes), words
-    steady = lsm.statistics.combine_replicas(values["steady_friction"][whole][:, 0])
+        others[f"{name}_per_decade"] = _over_seeds(slopes), words
+    steady = _over_seeds(values["steady_friction"][whole][:, 0])
     others["steady_friction"] = steady, "friction at the platen before the hold, mean over the seeds"
-    slopes = lsm.statistics.combine_replicas(np.polyfit(decades, held.T, 1)[0])
+    slopes = _over_seeds(np.polyfit(decades, held.T, 1)[0])
     others["healing_per_decade_of_seeds"] = slopes, "mean of the slopes of the seeds, with the error of their scatter"
     alone = healing[:, holds == 0.0]
     return Healing(times, held.mean(axis=0), np.full(len(times), error), float(alone.mean()), line, others)
+
+
+def _over_seeds(values: NDArray) -> lsm.statistics.Estimate:
+    """Mean over the seeds (n,), whose own errors are not known: that two of them agree may be chance."""
+    return lsm.statistics.combine_replicas(values, np.full(len(values), np.nan))
 
 
 def _by_seed(table: xarray.Dataset, name: str, seeds: NDArray, holds: NDArray) -> NDArray:

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
+from workflows.gouge.expected_shear import short_stages
 from workflows.gouge.grain_parameters import GrainParams
 
 LEAST_THICKNESS = 8  # of a layer [mean diameters]
@@ -73,15 +74,21 @@ class LayerParams(GrainParams):
         springs = [name for name in SPRINGS if getattr(self, name)]
         if len(springs) > 1:
             options = " and ".join("--" + name.replace("_", "-") for name in springs)
-            yield f"{options} are all the stiffness of the load spring: give one of them"
+            yield f"{options} are ways to give the stiffness of one load spring: give one of them"
 
     def remarks(self) -> Iterator[str]:
-        """That a number of grains gives a layer too thin to have a bulk."""
+        """What may be a mistake: other units, a layer too thin to have a bulk, a stage shorter than its first row."""
+        yield from super().remarks()
         thickness = self.layer[0] / self.diameter
         if self.grains is not None and thickness < LEAST_THICKNESS:
             yield (
                 f"--grains {self.grains}: the layer is {thickness:.2g} mean diameters thick, less than the "
                 f"{LEAST_THICKNESS} that --layer-thickness allows: between its platens it has no bulk"
+            )
+        for name, row, end in short_stages(self):
+            yield (
+                f"stage {name}: it is to end after {end:.2g} inertial times, its first row after {row:.2g}, and a "
+                "stage ends with a row; give it a later end, or closer rows by sample"
             )
 
     def idle(self) -> dict[str, str]:

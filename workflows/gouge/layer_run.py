@@ -279,7 +279,7 @@ def _record(
         first.append(now)
         shown = stage.name if params.staged else "shearing"
         report = {"stage": shown + f" {stage.cycle}" * (stage.cycle > 0), "strain": row["shear_strain"]}
-        report |= {"share": now[2]} if params.staged else {"strain_total": strain}
+        report |= {"share": min(1.0, now[2])} if params.staged else {"strain_total": strain}
         report |= {"normal_stress": row[subject.normal_stress]}
         progress(report | _progress(row, layer, first[0], now))
 

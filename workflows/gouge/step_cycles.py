@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ FILE = "cycles.nc"
 RUN_IN, UP, DOWN = "run-in", "up", "down"
 FIRST_ROW = 0.5  # [t_i] after a step; then each row is so many times as long as the one before, up to
 GROWTH = 1.1
+LEAST_TIME = 8.0  # of a stage [t_i]: a step itself takes one or two
 ROWS = 40  # of equal slip in a stage
 BEFORE = 1.0 / 3.0  # of the slip of a stage, of which rows before a step are stacked
 SETTLED = 0.5  # of the slip of a stage, from which on it counts as steady
@@ -37,6 +38,21 @@ class StepParams(LayerParams):
         default=30, ge=2, le=5000, description="number of steps up and down; errors are known from 8 on [1]"
     )
     step_slip: float = Field(default=3.0, ge=0.1, le=1e4, description="slip after each step [mean diameters]")
+
+    @property
+    def fastest(self) -> float:
+        """Velocity of the fastest stage over V [1]."""
+        return 1.0
+
+    def problems_of_shear(self) -> Iterator[str]:
+        """Slips within which no response to a step can be seen."""
+        thickness = self.layer[0] / self.diameter
+        least = LEAST_TIME * self.fastest * self.inertial_number * thickness
+        if self.step_slip < least:
+            yield (
+                f"--step-slip {self.step_slip:g}: must be >= {least:.3g} at this velocity, so that a stage takes "
+                f"{LEAST_TIME:g} inertial times; raise it, or lower --inertial-number {self.inertial_number:g}"
+            )
 
     def step_tables(self, up: Mapping[str, Any], down: Mapping[str, Any]) -> list[StageTable]:
         """Run-in, and the two stages of a cycle, in which these keys of a stage change."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import xarray
 
 MAP = "viridis"
+FIRST = 0.5  # time after the begin of a hold that is shown [t_i]
 
 
 def plot_healing(path: Path, out: Path, table: xarray.Dataset, found: Healing) -> None:
@@ -67,7 +68,7 @@ def _draw_healing(axes: Any, found: Healing) -> None:
     axes.axhline(found.without_hold, color="0.5", ls=":", lw=1.2, label="without a hold: the peak of noise")
     axes.set_xscale("log")
     axes.set(xlabel="time of the hold [$t_i$]", ylabel="peak less steady friction [1]")
-    axes.set_title("(b) healing; bars: two standard errors")
+    axes.set_title("(b) healing; bars: two standard errors of the growth with the hold")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.35 * (high - low))
     axes.legend(loc="upper left")
@@ -79,8 +80,9 @@ def _draw_holds(relaxation: Any, compaction: Any, datasets: Any, found: Healing,
     own = [sheared_rows(run) for (_, h), run in datasets.items() if np.isclose(h, longest)]
     params = params_of(own[0])
     unit = 0.5 * (params.smallest_diameter + params.largest_diameter) * np.sqrt(params.density / params.normal_stress)
-    time = np.geomspace(1.0, longest, 80)
+    time = np.geomspace(FIRST, longest, 80)
     series: dict[str, list] = {"friction": [], "porosity": []}
+    before = {"friction": found.others["steady_friction"][0].mean, "porosity": 0.0}
     for run in own:
         rows = np.flatnonzero(run.stage.values == HOLD)
         begin = rows[0] - 1
@@ -95,6 +97,8 @@ def _draw_holds(relaxation: Any, compaction: Any, datasets: Any, found: Healing,
         values = np.array(series[name])
         mean, error = values.mean(axis=0), values.std(axis=0, ddof=1) / np.sqrt(len(values))
         axes.semilogx(time, mean, color=BLUE, lw=1.5)
+        axes.axhline(before[name], color="0.5", ls="--", lw=1.1, label="before the hold")
+        axes.legend(loc="best")
         axes.fill_between(time, mean - error, mean + error, color=BLUE, alpha=0.25, lw=0)
         axes.set(xlabel="time since the hold began [$t_i$]", ylabel=words)
         axes.set_title(f"({letter}) {name} in the longest hold, mean and standard error")

@@ -1,4 +1,4 @@
-"""Figure of steps of the normal stress: friction, shear stress and porosity after them, and where the work went."""
+"""Figure of steps of the normal stress: friction, normal stress and porosity after them, and where the work went."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def plot_normal_stress_steps(
     with figure_at(path, (11, 8)) as figure:
         (friction, stress), (porosity, work) = figure.subplots(2, 2)
         for stage, colour, words in ((UP, ORANGE, f"P to {ratio:.3g} P"), (DOWN, BLUE, f"{ratio:.3g} P to P")):
-            scaled = stacks[stage].assign(stress=stacks[stage].platen_shear_stress / pressure)
+            scaled = stacks[stage].assign(stress=stacks[stage].platen_normal_stress / pressure)
             draw_stack(friction, scaled, "platen_friction", size, colour, words)
             draw_stack(stress, scaled, "stress", size, colour, words)
             draw_stack(porosity, scaled, "porosity", size, colour, words)
         friction.set(
             title=f"(a) friction, mean of {cycles} cycles, standard error", ylabel="friction at the platen [1]"
         )
-        stress.set(title="(b) shear stress", ylabel="shear stress on the platen / P [1]")
+        stress.set(title="(b) normal stress", ylabel="normal stress on the platen / P [1]")
         porosity.set(title="(c) porosity", ylabel="porosity [1]")
         for axes in (friction, stress, porosity):
             axes.legend(loc="best")

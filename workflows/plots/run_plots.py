@@ -209,8 +209,8 @@ def _draw_stages(axes: Any, sheared: xarray.Dataset, params: Any, course: Course
     axes.plot(course.values, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
     axes.plot(course.values, platen, color=colour, lw=1.3, label="at the top platen")
     if imposed.any():
-        ratio = (sheared.imposed_shear_stress / sheared.platen_normal_stress).values
-        axes.plot(course.values, ratio, "k", ls=DASHES, lw=1.2, label="imposed")
+        ratio = sheared.imposed_shear_stress.values / params.normal_stress
+        axes.plot(course.values, ratio, "k", ls=DASHES, lw=1.2, label="imposed, over --normal-stress")
     course.name_axis(axes)
     axes.set(ylabel="friction [1]")
     axes.set_title("(a) friction: shear stress / normal stress")

@@ -53,8 +53,9 @@ def conditions(params: Any, sheared: xarray.Dataset, grains: str) -> str:
     sizes = dict.fromkeys(f"{1e6 * d:g}" for d in (params.smallest_diameter, params.largest_diameter))
     rates = shown(rate, ".2g")
     if "cycle" in sheared:
-        means = sheared.inertial_number.groupby(sheared.stage_index).mean().values
-        rates = f"{means.min():.2g} to {means.max():.2g}"
+        means = sheared.inertial_number.groupby(sheared.stage).mean().values
+        ends = dict.fromkeys(f"{mean:.2g}" for mean in (means.min(), means.max()))
+        rates = " to ".join(ends)
     spring = spring_words(params)
     driven = "sheared in stages" if "cycle" in sheared else "sheared at constant velocity"
     return (
@@ -76,7 +77,7 @@ def _stresses(params: Any, sheared: xarray.Dataset) -> str:
         )
     if "cycle" not in sheared:
         return given
-    means = sheared.platen_normal_stress.groupby(sheared.stage_index).mean().values / 1e6
+    means = sheared.platen_normal_stress.groupby(sheared.stage).mean().values / 1e6
     if np.ptp(means) < CHANGED * means.mean():
         return given
-    return f"{given} at first and {means.min():.3g} to {means.max():.3g} MPa in the stages"
+    return f"{given} at first and {means.min():.3g} to {means.max():.3g} MPa, means of the stages"

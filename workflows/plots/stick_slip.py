@@ -75,7 +75,9 @@ def _draw_largest(axes: Any, run: Any, friction: Any, events: Any) -> None:
     rows = slice(max(0, first - around), last + around)
     shown = 1e3 * (time[rows] - time[first])
     axes.plot(shown, friction[rows], color="black", lw=1.3)
-    axes.set(xlabel="time since its onset [ms]", ylabel="friction on the spring [1]", title="event of largest drop")
+    axes.set(
+        xlabel="time since its onset [ms]", ylabel="friction on the spring [1]", title="found event of largest drop"
+    )
     second = axes.twinx()
     ratio = run.plate_velocity.values[rows] / np.median(run.load_point_velocity.values)
     second.plot(shown, ratio, color=BLUE, lw=1.0, alpha=0.8)

@@ -31,6 +31,7 @@ def plot_velocity_steps(
     stacks: Mapping[str, xarray.Dataset],
     laws: LawComparison,
     velocities: Mapping[str, float],
+    stiffness: float,
 ) -> None:
     """Draw steps.png of a run of velocity-steps.
 
@@ -42,8 +43,8 @@ def plot_velocity_steps(
         run.nc.
     stacks, velocities
         Cycles and velocity [m s-1] of the stages UP and DOWN.
-    laws
-        The fits.
+    laws, stiffness
+        The fits; the spring over the normal force that they have [m-1], inf without one.
     """
     size, cycles = mean_diameter(dataset), stacks[UP].sizes["cycle"]
     with figure_at(path, (11, 8)) as figure:
@@ -52,7 +53,7 @@ def plot_velocity_steps(
         for axes, stage, colour, letter in ((up, UP, ORANGE, "a"), (down, DOWN, BLUE, "b")):
             draw_stack(axes, stacks[stage], "platen_friction", size, colour, f"mean of {cycles} cycles, standard error")
             for fit in (laws.ageing, laws.slip):
-                slip, fitted = _fitted(fit, stacks[stage], velocities, stage)
+                slip, fitted = _fitted(fit, stacks[stage], velocities, stage, stiffness)
                 axes.plot(slip / size, fitted, "k", ls=LINES[fit.law], lw=1.1, label=_words(fit))
             words = f"V to {ratio:.3g} V" if stage == UP else f"{ratio:.3g} V to V"
             axes.set(title=f"({letter}) friction after steps from {words}", ylabel="friction at the platen [1]")
@@ -70,13 +71,17 @@ def plot_velocity_steps(
         figure.set_label(f"{laws.better} law: {_words(laws.ageing if laws.better == 'ageing' else laws.slip)}")
 
 
-def _fitted(fit: StepFit, stack: xarray.Dataset, velocities: Mapping[str, float], stage: str) -> tuple[Any, Any]:
+def _fitted(
+    fit: StepFit, stack: xarray.Dataset, velocities: Mapping[str, float], stage: str, stiffness: float
+) -> tuple[Any, Any]:
     """(slip [m], friction) of a fit: its response on the level that fits the stack best, by slip."""
     slip, mean = stack.slip_since_step.values, stack.platen_friction.values.mean(axis=0)
     v = (velocities[DOWN], velocities[UP]) if stage == UP else (velocities[UP], velocities[DOWN])
     numbers = (fit.a.value, fit.b.value, fit.slip_distance.value, fit.law)
 
     def response(x: Any) -> Any:
+        if np.isfinite(stiffness):
+            return lsm.statistics.spring_slider(x, *v, *numbers[:3], stiffness, fit.law)
         return np.where(x < 0.0, 0.0, lsm.statistics.friction_after_step(x, *v, *numbers))
 
     level = np.average(mean - response(slip), weights=np.gradient(slip))

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 MOST_STAGES = 20_000  # with all repetitions
 RESERVED = ("generate", "consolidate")  # stages before the schedule
 NAME = re.compile(r"[A-Za-z][\w-]{0,39}")
+MOST_STRESS = 1e3  # over the normal stress
 LEAST_VELOCITY = 1e-6  # over that of the inertial number
 Positive = Annotated[float, Field(ge=1e-6, le=1e9)]
 Driven = Literal["velocity", "shear_stress", "normal_stress"]  # what a stage may change
@@ -87,8 +88,8 @@ class StageTable(Table):
     name: str
     until: Until
     velocity: float | None = Field(default=None, ge=-1e3, le=1e3)
-    shear_stress: float | None = Field(default=None, ge=-1e3, le=1e3)
-    normal_stress: float | None = Field(default=None, ge=1e-3, le=1e3)
+    shear_stress: float | None = None
+    normal_stress: float | None = None
     ramp: float = Field(default=0.0, ge=0, le=1e9)
     oscillate: Oscillation | None = None
     sample: Sample | None = None
@@ -99,6 +100,11 @@ class StageTable(Table):
     def _consistent(self) -> Self:
         if not NAME.fullmatch(self.name):
             raise ValueError("name: must be a letter, then up to 39 letters, digits, - and _")
+        for name, least in (("shear_stress", -MOST_STRESS), ("normal_stress", 1.0 / MOST_STRESS)):
+            value = getattr(self, name)
+            if value is not None and not least <= value <= MOST_STRESS:
+                allowed = f"must be from {least:g} to {MOST_STRESS:g}: it is over --normal-stress, and not in Pa"
+                raise ValueError(f"{name} {value:g}: {allowed}")
         if self.velocity and abs(self.velocity) < LEAST_VELOCITY:
             raise ValueError(
                 f"velocity {self.velocity:g}: must be 0 or at least {LEAST_VELOCITY:g}, over the usual one"

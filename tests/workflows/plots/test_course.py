@@ -25,6 +25,8 @@ SIZE = 2e-4  # mean diameter [m]
 UNIT = SIZE * np.sqrt(2500.0 / 1e6)  # inertial time [s]
 THICKNESS = 1e-2  # [m]
 
+LINE = "imposed, over --normal-stress"
+
 
 def rows(steps, velocities, names, **more):
     """Rows of stages of two rows each, which move the platen by these steps [mean diameters]; 3 t_i apart."""
@@ -87,12 +89,12 @@ def test_friction_under_a_stress_has_what_is_imposed_and_the_slip_beside_it():
     run_plots._draw_stages(axes, CREPT, PARAMS, course_of(CREPT, PARAMS))
     drawn = curves(axes)
     assert drawn["at the top platen"][1] == pytest.approx(0.3)
-    assert drawn["imposed"][1][2:4] == pytest.approx(0.2) and np.isnan(drawn["imposed"][1][[0, 1, 4, 5]]).all()
+    assert drawn[LINE][1][2:4] == pytest.approx(0.2) and np.isnan(drawn[LINE][1][[0, 1, 4, 5]]).all()
     slip = next(other for other in axes.figure.axes if other is not axes)
     assert slip.lines[0].get_ydata() == pytest.approx([1.0, 2.0, 2.1, 2.3, 3.3, 4.3])
     axes = Figure().subplots()
     run_plots._draw_stages(axes, FORTH_AND_BACK, PARAMS, course_of(FORTH_AND_BACK, PARAMS))
-    assert len(axes.figure.axes) == 1 and "imposed" not in curves(axes)
+    assert len(axes.figure.axes) == 1 and LINE not in curves(axes)
 
 
 def test_a_spring_whose_load_point_holds_has_its_stretch_and_finite_velocities():

@@ -32,6 +32,19 @@ def test_repetitions_are_written_out_in_their_order():
     assert [(stage.table.name, stage.cycle) for stage in alone] == [("run-in", 0), ("hold", 1), ("hold", 2)]
 
 
+def test_a_stage_that_ends_before_its_first_row_is_remarked():
+    short = [RUN_IN, UP | {"until": {"slip": 1e-5}}]
+    (remark,) = shear_gouge.Params(stages=short).remarks()
+    assert remark.startswith("stage up: it is to end after") and "a stage ends with a row" in remark
+    assert not list(shear_gouge.Params(stages=[RUN_IN, UP]).remarks())
+
+
+def test_a_stress_in_pascal_is_refused_with_its_unit():
+    for name in ("shear_stress", "normal_stress"):
+        with pytest.raises(ValueError, match=f"{name} 5e.06: must be from .*over --normal-stress, and not in Pa"):
+            StageTable(**{"name": "a", "until": {"time": 1.0}, name: 5e6})
+
+
 def test_a_stage_without_a_velocity_keeps_that_before_it():
     still = {"name": "still", "until": {"time": 1.0}, "sample": {"time": 1.0}}
     assert [stage.velocity for stage in planned(tables(RUN_IN, UP, still, HOLD, still))] == [1.0, 3.0, 3.0, 0.0, 0.0]
