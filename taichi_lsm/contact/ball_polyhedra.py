@@ -5,7 +5,7 @@ from typing import Any
 from ..core.rotation import unrotate
 from ..core.runtime import current, ti
 from .error_flags import OVERLAP
-from .feature_pairs import contact_along, core_point, stationary_normal
+from .feature_pairs import NO_NORMAL, contact_along, core_point, stationary_normal
 from .polyhedron_descent import PolyhedronDescent
 from .primitives import SPHERE_OVERLAP_LIMIT
 
@@ -124,14 +124,14 @@ class PolyhedronContact:
         """Depth [m], unit normal and contact point from grain k [m] of features continued beyond their bounds.
 
         The grains have the orientations q_k and q_l and lie d [m] apart, which may differ from the present state. The
-        normal n starts the search; the depth is -1 where there is no stationary normal.
+        normal n starts the search; the depth is NO_NORMAL where there is no stationary normal, and then no depth.
         """
         g, t = self.grains, self.table
         c_i, axis_i, rho_i, r_i = t.feature_placement(a, features[0], q_k, g.diameter[k])
         c_j, axis_j, rho_j, r_j = t.feature_placement(b, features[1], q_l, g.diameter[l])
         n, found = stationary_normal(d + c_j - c_i, axis_i, rho_i, axis_j, rho_j, n, self.step_tolerance)
         depth, x_i, x_j = contact_along(n, c_i, axis_i, rho_i, r_i, d + c_j, axis_j, rho_j, r_j)
-        return ti.select(found == 1, depth, -1.0 + 0.0 * depth), n, 0.5 * (x_i + x_j)
+        return ti.select(found == 1, depth, NO_NORMAL + 0.0 * depth), n, 0.5 * (x_i + x_j)
 
     @ti.func
     def crossing(self, a, b, k, l, d, before, last_n, dt):

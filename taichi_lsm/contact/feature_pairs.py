@@ -12,6 +12,8 @@ LONGEST_STEP = 0.7  # of Newton's method on the unit sphere: 35 degrees, so that
 LEAST_CURVATURE = 1e-3  # of the sizes: keeps the Hessian positive definite where the depth approaches zero
 RING_ITERATIONS = 12  # of Newton's method for two circles; it converges in three or four from the last normal
 
+NO_NORMAL = -1.0  # in place of a depth [m] where two features have no stationary normal
+
 
 @ti.func
 def across_axis(n, axis):

@@ -5,6 +5,7 @@ errs by a Hurwitz zeta term (generalised Euler-Maclaurin), which these impulses 
 starts with a jump, that of a spring with a slope.
 """
 
+from ..contact.feature_pairs import NO_NORMAL
 from ..core.rotation import advanced_orientation, torque_of
 from ..core.runtime import current, ti
 
@@ -30,11 +31,16 @@ class OnsetCorrection:
         """(impulse along the contact [N s], energy lost by it [J]) in the first step after it begins (1) or ends (0).
 
         It makes up for the share of the step in which the force was not the trapezoid that Verlet takes it for; see
-        `passage`. A contact that began and ended within one step leaves nothing to correct.
+        `passage`. A contact that began and ended within one step leaves nothing to correct; nor is one corrected whose
+        features, continued to where they were, had no normal: when it began is then not known.
         """
         last, earlier = self.depths_before(k, l, s, d, n, dt)
         inverse_effective_mass = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
-        return self.impulse(began, depth, last, earlier, inverse_effective_mass, dt)
+        impulse, lost = self.impulse(began, depth, last, earlier, inverse_effective_mass, dt)
+        if ti.static(self.spec.shaped):
+            if last == NO_NORMAL or earlier == NO_NORMAL:
+                impulse, lost = 0.0 * depth, 0.0 * depth
+        return impulse, lost
 
     @ti.func
     def impulse(self, began, depth, last, earlier, inverse_effective_mass, dt):
