@@ -24,9 +24,11 @@ def draw_stack(axes: Any, stack: xarray.Dataset, name: str, size: float, colour:
     """The mean over the cycles of a series against slip in diameters `size` [m], with a band of one standard error."""
     mean, error = mean_and_error(stack, name)
     slip = stack.slip_since_step.values / size
-    axes.plot(slip, mean, color=colour, lw=1.6, label=label)
-    if np.isfinite(error).all():
-        axes.fill_between(slip, mean - error, mean + error, color=colour, alpha=0.25, lw=0)
+    for side, named in ((slip < 0.0, None), (slip >= 0.0, label)):  # no line across the step
+        axes.plot(slip[side], mean[side], color=colour, lw=1.6, label=named)
+        if np.isfinite(error).all():
+            low, high = mean[side] - error[side], mean[side] + error[side]
+            axes.fill_between(slip[side], low, high, color=colour, alpha=0.25, lw=0)
     axes.axvline(0.0, color="0.6", lw=0.8, ls=":", zorder=1)
     axes.set(xlim=(slip[0], slip[-1]), xlabel="slip since the step [mean diameters]")
 
