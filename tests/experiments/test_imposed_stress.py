@@ -81,6 +81,7 @@ def test_the_energy_is_kept_from_stage_to_stage(crept):
     assert (folder / "run.png").stat().st_size > 10_000
 
 
+@pytest.mark.validate
 def test_a_run_stopped_under_a_stress_goes_on_to_the_same_bits(crept, tmp_path, monkeypatch):
     folder, run = crept
     monkeypatch.setattr(signals, "SAME_REQUEST_S", 0.0)

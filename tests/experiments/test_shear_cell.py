@@ -44,7 +44,8 @@ def test_a_run_holds_its_stress_and_closes_its_budget(small):
     assert slope == pytest.approx(float(last.cell_shear_rate), rel=0.3)
 
 
-@pytest.mark.parametrize("share", [0.2, pytest.param(0.7, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("share", [0.2, 0.7])
 def test_a_stopped_run_goes_on_to_the_same_bits(small, tmp_path, monkeypatch, share):
     folder, params, dataset = small
     stop = int(share * float(dataset.time[-1]) / dataset.dt)

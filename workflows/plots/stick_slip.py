@@ -88,9 +88,12 @@ def _draw_largest(axes: Any, run: Any, friction: Any, events: Any) -> None:
 
 def _draw_energies(axes: Any, events: Any) -> None:
     """Greatest kinetic energy of each event against what the spring released; of those that moved more than before."""
+    from matplotlib.ticker import NullFormatter
+
     released, kinetic = events.released_energy.values, events.peak_kinetic_energy.values
     moved = kinetic > 0.0
     axes.loglog(released[moved], kinetic[moved], "o", ms=3.5, color=ORANGE, alpha=0.7)
+    axes.xaxis.set_minor_formatter(NullFormatter())  # numbers between two powers of ten would overlap
     axes.set(xlabel="energy released by the spring [J]", ylabel="greatest kinetic energy [J]", title="motion")
 
 
