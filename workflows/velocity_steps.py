@@ -20,7 +20,6 @@ from pydantic import Field
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, metrics_of_value
 from workflows.common.reports import Progress
-from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing
 from workflows.gouge import layer_scene
 from workflows.gouge.layer_cost import layer_cost
@@ -175,16 +174,7 @@ def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, M
 
 STEPS = LayerExperiment("velocity-steps", _conclude, longer=frozenset({"cycles"}))
 RESUMABLE = STEPS.resumable  # parameters that may change in a run that goes on
-
-
-def check(params: Params) -> None:
-    """Refuse parameters that are sure to fail, before any grain is made; InputError says what to do."""
-    layer_scene.check(params)
-
-
-def estimate(params: Params) -> RunCost:
-    """Expected steps, time and memory of the run."""
-    return layer_cost(params)
+check, estimate = layer_scene.check, layer_cost  # as of every layer
 
 
 def run(
