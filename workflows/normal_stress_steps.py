@@ -95,7 +95,7 @@ def _transient(stack: xarray.Dataset, name: str, params: Params) -> dict[str, Me
 def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, Metric]:
     """Stacks, files and pictures of a run whose rows are all written."""
     stacks = stacks_of(dataset, params)
-    write_cycles(out, STEPS.name, stacks, params, "Steps of the normal stress on a sheared layer, cycle by cycle")
+    write_cycles(out, stacks, params, "Steps of the normal stress on a sheared layer, cycle by cycle")
     plot_run(out, params.format)
     plot_normal_stress_steps(out / f"steps.{params.format}", dataset, stacks, params.stress_ratio)
     return analyse(stacks, params) | quality_metrics(dataset, params)

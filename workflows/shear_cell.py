@@ -17,7 +17,6 @@ from workflows.cell.cell_scene import build
 from workflows.cell.parameters import CellParams as Params
 from workflows.common.metrics import Metric
 from workflows.common.reports import Progress
-from workflows.common.run_cost import RunCost
 from workflows.common.run_folder import Existing
 from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_run import LayerExperiment, run_layer
@@ -41,20 +40,7 @@ SHEAR = LayerExperiment("shear-cell", _conclude, frozenset({"strain"}), frozense
 RESUMABLE = SHEAR.resumable  # parameters that may change in a run that goes on
 
 
-def check(params: Params) -> None:
-    """Refuse parameters that are sure to fail, before any grain is made.
-
-    Raises
-    ------
-    InputError
-        With the option, its value, what is allowed and what to do.
-    """
-    cell_scene.check(params)
-
-
-def estimate(params: Params) -> RunCost:
-    """Expected steps, time and memory of the run."""
-    return layer_cost(params)
+check, estimate = cell_scene.check, layer_cost
 
 
 def run(

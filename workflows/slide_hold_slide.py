@@ -30,6 +30,7 @@ from workflows.gouge import layer_scene
 from workflows.gouge.forks import fork
 from workflows.gouge.hold_response import COLUMNS, HOLD, RELOAD, RUN_IN, Healing, healing_of, response_to_hold
 from workflows.gouge.layer_cost import layer_cost
+from workflows.gouge.layer_metrics import worst_claims
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.plots.healing import plot_healing
 from workflows.protocol.stage_tables import Interval, Sample, StageTable, Until
@@ -123,9 +124,7 @@ def stages_with(params: Params, hold: float | None) -> list[StageTable]:
     return tables
 
 
-def check(params: Params) -> None:
-    """Refuse parameters that are sure to fail, before any grain is made; InputError says what to do."""
-    layer_scene.check(params)
+check = layer_scene.check  # as of every layer
 
 
 def estimate(params: Params) -> RunCost:
@@ -150,11 +149,10 @@ def build(params: Params) -> tuple[dict[str, shear_gouge.Params], dict[str, tupl
     """({label: parameters} of the runs until the hold, {label: (label of that run, hold [t_i], parameters)})."""
     seeds = range(params.seed, params.seed + params.replicas)
     trunks = {f"seed-{seed}": _params_of(params, seed, None) for seed in seeds}
+    holds = sorted((0.0, *hold_times(params)), reverse=True)  # the longest first, so that no core is idle at last
     branches = {
         f"seed-{seed}-hold-{hold:.4g}": (f"seed-{seed}", float(hold), _params_of(params, seed, float(hold)))
-        for hold in sorted(
-            (0.0, *hold_times(params)), reverse=True
-        )  # the longest first, so that no core is idle at last
+        for hold in holds
         for seed in seeds
     }
     return trunks, branches
@@ -239,16 +237,8 @@ def analyse(found: Healing | None, table: xarray.Dataset, out: Path) -> dict[str
     metrics["healing_misfit"] = Metric(line.chi_square / line.degrees_of_freedom, "1", note=words)
     for name, (estimate, words) in found.others.items():
         metrics |= metrics_of_value(name, estimate, "1", words)
-    residuals = [read_summary(out / path) for path in table.path.values]
-    values = [s["metrics"]["energy_residual"]["value"] for s in residuals if s and "energy_residual" in s["metrics"]]
-    bound = shear_gouge.BOUNDS["energy_residual"]
-    worst = max(values, default=np.nan)
-    metrics["energy_residual_max"] = Metric(
-        float(worst),
-        "1",
-        bound,
-        bool(worst < bound),
-        note="largest of all runs",
-        remedy=shear_gouge.REMEDIES["energy_residual"],
-    )
-    return metrics
+    residuals = {}
+    for path in table.path.values:
+        entry = (read_summary(out / path) or {"metrics": {}})["metrics"].get("energy_residual", {})
+        residuals[str(path)] = {"energy_residual": np.nan if entry.get("value") is None else entry["value"]}
+    return metrics | worst_claims(residuals, ("energy_residual",))

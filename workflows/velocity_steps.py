@@ -159,7 +159,7 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
 def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, Metric]:
     """Stacks, fits, files and pictures of a run whose rows are all written."""
     response = response_of(dataset, params)
-    write_cycles(out, STEPS.name, response.stacks, params, "Velocity steps of a sheared layer, cycle by cycle")
+    write_cycles(out, response.stacks, params, "Velocity steps of a sheared layer, cycle by cycle")
     plot_run(out, params.format)
     plot_velocity_steps(
         out / f"steps.{params.format}",

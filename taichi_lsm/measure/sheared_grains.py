@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -25,7 +26,7 @@ LOST_BALANCE = 0.1  # share of the work that the energy residual may reach befor
 SETTLED = 10.0  # the balance is judged once the work is this many times the elastic energy
 
 
-class ShearedGrains:
+class ShearedGrains(ABC):
     """What `ShearedLayer` and `ShearedCell` share; see there. y is the normal axis, x the shear.
 
     Parameters
@@ -61,27 +62,27 @@ class ShearedGrains:
         self.solid_volume = float(measure[self.mobile].sum()) * depth
 
     @property
+    @abstractmethod
     def variables(self) -> list[Variable]:
         """Schema rows of run.nc."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def target(self) -> float:
         """Normal stress that the servo keeps now [Pa]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _sample(self) -> None:
         """Measure the state now, set `memory.platens` to a snapshot of the drives and call `_add_sample`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _own_row(self, mean: Callable[[str], float]) -> Row:
         """What only this kind of row has; `mean`: of what was sampled under a name."""
-        raise NotImplementedError
 
     @staticmethod
+    @abstractmethod
     def works(drives: Mapping[str, Any]) -> npt.NDArray:
         """Work of the shear and of the normal stress since the start [J], of a snapshot of the drives."""
-        raise NotImplementedError
 
     def sample(self) -> None:
         """Measure the state now and add it to the present row."""

@@ -9,7 +9,7 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.cell.parameters import CellParams
 from workflows.common.metrics import Metric, metrics_of_estimate
-from workflows.gouge.layer_metrics import NO_STIFFNESS, NOTES, mean_metric, residual_metric, sheared_rows
+from workflows.gouge.layer_metrics import NO_STIFFNESS, NOTES, claimed, mean_metric, residual_metric, sheared_rows
 
 if TYPE_CHECKING:
     import xarray
@@ -71,10 +71,4 @@ def analyse(dataset: xarray.Dataset, params: CellParams) -> dict[str, Metric]:
         rms = float(np.sqrt((steady.cell_normal_rms**2).mean())) / params.normal_stress
         metrics["normal_stress_error"] = Metric(normal / params.normal_stress - 1.0, "1")
         metrics["normal_stress_rms"] = Metric(rms, "1", note="of every step")
-    return metrics | {name: _claimed(name, metrics[name]) for name in BOUNDS if name in metrics}
-
-
-def _claimed(name: str, metric: Metric) -> Metric:
-    """A metric with the bound that is claimed for it."""
-    value, bound = float(metric.value or 0.0), BOUNDS[name]
-    return Metric(value, "1", bound, abs(value) < bound, note=metric.note or NOTES.get(name), remedy=REMEDIES[name])
+    return metrics | {name: claimed(name, metrics[name], BOUNDS, REMEDIES) for name in BOUNDS if name in metrics}

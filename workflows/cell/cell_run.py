@@ -16,11 +16,11 @@ from workflows.common.reports import Progress
 from workflows.gouge.labels import grain_words
 from workflows.gouge.layer_drives import NORMAL_STRESS, SHEAR_RATE
 from workflows.gouge.layer_scene import LARGEST_SPEED
-from workflows.gouge.layer_schedule import CONSOLIDATE, ROW_TIMES, SETTLE_TIMES, SETTLING_SAMPLES
+from workflows.gouge.layer_schedule import CONSOLIDATE, SETTLE_TIMES, settling_rows
 from workflows.gouge.shear_stages import shear_stages
 from workflows.gouge.subject import Subject
 from workflows.protocol.conditions import Memory, Settled
-from workflows.protocol.schedule import Change, Spacing, Stage
+from workflows.protocol.schedule import Change, Stage
 
 STRESS_ROW = "cell_normal_stress"
 SPEED_LIMIT = "speed_limit"
@@ -106,8 +106,7 @@ class Cell(Subject):
         until: Any = Settled(p.normal_stress, within, STRESS_ROW)
         if p.solid_fraction:
             until = Filled(within)
-        steps = SETTLING_SAMPLES * -(-int(ROW_TIMES * p.inertial_time / dt) // SETTLING_SAMPLES)
-        consolidate = Stage(CONSOLIDATE, until=until, spacing=Spacing(steps, SETTLING_SAMPLES))
+        consolidate = Stage(CONSOLIDATE, until=until, spacing=settling_rows(p, dt))
         stages = shear_stages(p, dt)
         if p.solid_fraction:
             stages = [replace(stage, drives={**stage.drives, SPEED_LIMIT: Change(0.0)}) for stage in stages]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,7 +81,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
     }
     metrics |= _breakage(sheared) | _spring(params)
-    return metrics | {name: _claimed(name, metrics[name]) for name in BOUNDS}
+    return metrics | {name: claimed(name, metrics[name]) for name in BOUNDS}
 
 
 def quality_metrics(dataset: xarray.Dataset, params: LayerParams) -> dict[str, Metric]:
@@ -92,7 +92,7 @@ def quality_metrics(dataset: xarray.Dataset, params: LayerParams) -> dict[str, M
         **({"cycles": Metric(cycles, "1", note=words)} if cycles else {}),
         "shear_strain": Metric(float(sheared.shear_strain[-1]), "1", note="of all stages"),
         "stiffness_number": _stiffness(dataset),
-        "energy_residual": _claimed("energy_residual", residual_metric(sheared)),
+        "energy_residual": claimed("energy_residual", residual_metric(sheared)),
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
         **_breakage(sheared),
         **_spring(params),
@@ -111,10 +111,12 @@ def _stiffness(dataset: xarray.Dataset) -> Metric:
     return Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS)
 
 
-def _claimed(name: str, metric: Metric) -> Metric:
-    """A metric with the bound that is claimed for it."""
-    value, bound = float(metric.value or 0.0), BOUNDS[name]
-    return Metric(value, "1", bound, abs(value) < bound, note=NOTES.get(name), remedy=REMEDIES[name])
+def claimed(
+    name: str, metric: Metric, bounds: Mapping[str, float] = BOUNDS, remedies: Mapping[str, str] = REMEDIES
+) -> Metric:
+    """A metric with the bound that is claimed for it, and what to do where it does not hold."""
+    value, bound = float(metric.value or 0.0), bounds[name]
+    return Metric(value, "1", bound, abs(value) < bound, note=metric.note or NOTES.get(name), remedy=remedies[name])
 
 
 def mean_metric(estimate: lsm.statistics.Estimate, unit: str, note: str | None = None) -> Metric:
@@ -130,16 +132,18 @@ def sheared_rows(dataset: xarray.Dataset) -> xarray.Dataset:
     return dataset.isel(time=~np.isin(dataset.stage.values, RESERVED))
 
 
-def worst_claims(runs: Mapping[str, Mapping[str, float]]) -> dict[str, Metric]:
+def worst_claims(runs: Mapping[str, Mapping[str, float]], names: Collection[str] = tuple(BOUNDS)) -> dict[str, Metric]:
     """What single runs claim, as metrics of their experiment: the values farthest from 0, and which runs have them.
 
     Parameters
     ----------
     runs
-        Label of a run -> its values of the metrics in BOUNDS; nan if it has none.
+        Label of a run -> its values of these metrics; nan if it has none.
+    names
+        Of the metrics, some of those in BOUNDS.
     """
     found = {}
-    for name, bound in BOUNDS.items():
+    for name, bound in ((name, BOUNDS[name]) for name in names):
         sizes = {label: abs(float(values[name])) for label, values in runs.items() if np.isfinite(values[name])}
         worst = max(sizes, key=lambda label: sizes[label], default=None)
         if worst is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_scene import LARGEST_SPEED
 from workflows.gouge.shear_stages import shear_stages
@@ -31,8 +32,12 @@ def layer_schedule(params: LayerParams, dt: float, thickness: float) -> list[Sta
     consolidate = Stage(
         CONSOLIDATE,
         until=Settled(p.normal_stress, (SETTLE_TIMES + falling) * p.inertial_time),
-        spacing=Spacing(
-            SETTLING_SAMPLES * -(-int(ROW_TIMES * p.inertial_time / dt) // SETTLING_SAMPLES), SETTLING_SAMPLES
-        ),
+        spacing=settling_rows(p, dt),
     )
     return [consolidate, *shear_stages(p, dt)]
+
+
+def settling_rows(params: GrainParams, dt: float) -> Spacing:
+    """Rows and samples of a consolidation; dt: time step [s]."""
+    steps = int(ROW_TIMES * params.inertial_time / dt)
+    return Spacing(SETTLING_SAMPLES * -(-steps // SETTLING_SAMPLES), SETTLING_SAMPLES)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 import taichi_lsm as lsm
-from workflows.common.parameters import to_toml
+from workflows.common.run_table import attributes_of
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.protocol.stage_tables import Interval, Sample, StageTable, Until
@@ -78,16 +78,8 @@ def stacks_of(dataset: xarray.Dataset, params: StepParams) -> dict[str, xarray.D
     grid = np.concatenate([slowest, first])
     of = "load_point" if params.spring else "platen"
     stacks = {stage: lsm.statistics.stack_cycles(run, stage, before, grid, of) for stage in (UP, DOWN)}
-    common = _common([stack.slip_since_step.values for stack in stacks.values()])
+    common = np.intersect1d(*(stack.slip_since_step.values for stack in stacks.values()))  # slips that both have
     return {stage: stack.sel(slip_since_step=common) for stage, stack in stacks.items()}
-
-
-def _common(grids: list[NDArray]) -> NDArray:
-    """Slips that all stacks have."""
-    common = grids[0]
-    for grid in grids[1:]:
-        common = np.intersect1d(common, grid)
-    return common
 
 
 def velocities_of(dataset: xarray.Dataset) -> dict[str, float]:
@@ -109,17 +101,13 @@ def steady_changes(stacks: Mapping[str, xarray.Dataset], name: str, params: Step
     return np.mean(changes, axis=0)
 
 
-def write_cycles(
-    out: Path, experiment: str, stacks: Mapping[str, xarray.Dataset], params: LayerParams, title: str
-) -> None:
+def write_cycles(out: Path, stacks: Mapping[str, xarray.Dataset], params: LayerParams, title: str) -> None:
     """Write cycles.nc: a group for each stage, in which every series is along cycle and slip_since_step."""
     import xarray
 
     tree = xarray.DataTree.from_dict({f"/{stage}": stack for stage, stack in stacks.items()})
     summary = f"Series of run.nc after each step, one group for each kind: {', '.join(stacks)}."
-    tree.attrs = lsm.file_attributes(
-        title, summary, to_toml(params, experiment), params.seed, None, params.arch, params.precision
-    ) | {"run_status": "complete"}
+    tree.attrs = attributes_of(params, title, summary, params.seed) | {"run_status": "complete"}
     with lsm.replacing(out / FILE) as new:
         tree.to_netcdf(new, engine="netcdf4", format="NETCDF4")
 
