@@ -187,10 +187,17 @@ def _contents(path: Path) -> str:
         with _open(path) as file:
             if "run_state" in file.ncattrs():
                 return f"checkpoint of {file.grains} grains at step {file.step}"
-            sizes = ", ".join(f"{as_written(name)} {len(dim)}" for name, dim in file.dimensions.items())
-            return f"{sizes or 'no dimensions'}; {len(file.variables)} variables"
+            if not file.groups:
+                return _sizes(file)
+            return "; ".join(f"group {as_written(name)}: {_sizes(group)}" for name, group in file.groups.items())
     except UNREADABLE as error:
         return f"unreadable: {getattr(error, 'strerror', None) or reason(error)}"
+
+
+def _sizes(group: Any) -> str:
+    """Dimensions of a NetCDF file or group with their lengths, and the number of its variables."""
+    sizes = ", ".join(f"{as_written(name)} {len(dim)}" for name, dim in group.dimensions.items())
+    return f"{sizes or 'no dimensions'}, {len(group.variables)} variables"
 
 
 def _open(path: Path):

@@ -43,7 +43,18 @@ def test_info_shows_status_metrics_and_dimensions(tmp_path, capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert "run_status: interrupted seed: 11" in text
     assert "drift 0.02 0.025 holds" in text
-    assert "run.nc time 4; 0 variables" in text and "grains.nc unreadable" in text
+    assert "run.nc time 4, 0 variables" in text and "grains.nc unreadable" in text
+
+
+def test_info_shows_the_groups_of_a_file(tmp_path, capsys):
+    with netCDF4.Dataset(tmp_path / "cycles.nc", "w") as file:
+        for name, cycles in (("up", 3), ("down", 2)):
+            group = file.createGroup(name)
+            group.createDimension("cycle", cycles)
+            group.createVariable("friction", "f8", ("cycle",))
+    assert main(["info", str(tmp_path)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "cycles.nc group up: cycle 3, 1 variables; group down: cycle 2, 1 variables" in text
 
 
 def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
