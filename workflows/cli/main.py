@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
@@ -25,7 +25,7 @@ from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
 from workflows.cli.calibrate import calibrate_command
 from workflows.cli.execution import complain, problems_of
-from workflows.cli.options import workflow_command
+from workflows.cli.options import options_of, workflow_command
 from workflows.cli.resume import resume
 from workflows.cli.sensitivity import sensitivity_command
 from workflows.cli.sweep import sweep_command
@@ -34,6 +34,7 @@ from workflows.common import signals
 from workflows.common.discovery import DiscoveryError, find_workflows
 from workflows.common.exit_codes import CLOSED_PIPE, COMPLETE, FAILED, reason_of
 from workflows.common.former_names import renamed
+from workflows.common.parameter_files import listed
 from workflows.common.parameters import nearest, option_name
 
 
@@ -66,24 +67,29 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _main(argv: list[str]) -> int:
+    found: dict[str, ModuleType] = {}
     try:
         if argv == ["--version"]:  # before discovery: a broken plugin must not hide it
             print(version_text())
             return COMPLETE
         if argv[:1] == ["resume"] and argv[1:] and argv[1].startswith("-") and argv[1] not in ("--help", "-h"):
             return complain([f"{argv[1]}: the folder of the run comes first, as in: lsm resume DIR {argv[1]} ..."])
-        app = build_app(find_workflows())
+        found = find_workflows()
+        app = build_app(found)
         command, bound, _ = app.parse_args(argv, exit_on_error=False, print_error=False)
     except DiscoveryError as error:
         return complain([str(error)])
     except CycloptsError as error:
-        return complain([_parse_problem(error)])
+        return complain([_parse_problem(error, found)])
     code = command(*bound.args, **bound.kwargs)
     return code if isinstance(code, int) else COMPLETE
 
 
-def _parse_problem(error: CycloptsError) -> str:
-    """One line for a mistake in the command line itself (an unknown option, a missing value)."""
+def _parse_problem(error: CycloptsError, found: Mapping[str, ModuleType]) -> str:
+    """One line for a mistake in the command line itself (an unknown option, a missing value).
+
+    An unknown option that other experiments have is told to be one of these; found: the module of each by its name.
+    """
     if isinstance(error, UnknownCommandError):
         token = (error.unused_tokens or [""])[0]
         names = [n for n in error.app or () if n != "-h"]
@@ -96,6 +102,9 @@ def _parse_problem(error: CycloptsError) -> str:
         fields = [name.strip("-").replace("-", "_") for name in known]
         if now := renamed(option.strip("-").replace("-", "_"), fields):
             return f"Unknown option: {option} is now called {option_name(now)}."
+        here = (error.command_chain or ("",))[-1]
+        if owners := [name for name, module in found.items() if name != here and option in options_of(module)]:
+            return f"Unknown option: {option} is one of lsm {listed(owners)}, not of lsm {here}."
     error.verbose = False  # or the message names functions and files of the program
     return str(error)
 
@@ -171,7 +180,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
         try:
             return resume(app, found, folder, options)
         except CycloptsError as error:
-            return complain([_parse_problem(error)])
+            return complain([_parse_problem(error, found)])
         except InputError as error:
             return complain(problems_of(error))
 

@@ -97,6 +97,12 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
     return command
 
 
+def options_of(module: ModuleType) -> set[str]:
+    """The options that a workflow has for its parameters: of all but those that only a TOML file can give."""
+    fields = module.Params.model_fields
+    return {option_name(name) for name, field in fields.items() if kind(field.annotation) != "toml"}
+
+
 def _unwrapped(text: str) -> str:
     """The paragraphs of a docstring, each on one line: the terminal decides where lines end."""
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.strip().split("\n\n"))

@@ -111,6 +111,15 @@ def test_all_mistakes_at_once_and_nothing_written(plugins, tmp_path, capsys):
         (["shear-gouge", "--platen-diameter", "1"], "--platen-diameter is now called --platen-roughness."),
         (["shear-gouge", "--platen-diameter=1"], "--platen-diameter is now called --platen-roughness."),
         (["list", "--laws"], "--laws is now called --effects."),
+        (
+            ["velocity-steps", "--stress-ratio", "2"],
+            "--stress-ratio is one of lsm normal-stress-steps, not of lsm veloc",
+        ),
+        (
+            ["shear-gouge", "--run-in=3"],
+            "one of lsm normal-stress-steps, slide-hold-slide, stick-slip and velocity-steps,",
+        ),
+        (["velocity-steps", "--stages", "3"], "Unknown option: --stages. Did you mean"),  # a table of a file
         (["hard-cases", "--kinds", "laws", "--quiet"], "laws is now called effects."),
         (["toy-run", "--grains"], "--grains requires an argument"),
         (["info", "nowhere"], "nowhere: there is no such folder"),
