@@ -25,6 +25,7 @@ from workflows.accuracy.total_cost import total_cost
 from workflows.accuracy.trials_file import write_trials
 from workflows.common.fresh_processes import fresh_processes, in_fresh_process
 from workflows.common.metrics import Metric, write_summary
+from workflows.common.parameter_problems import BrokenRules
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import check_idle
 from workflows.common.reports import Progress
@@ -168,7 +169,7 @@ class Params(BaseParams):
         if self.seed + more >= 2**31:
             problems.append(f"--seed {self.seed}: must be <= {2**31 - 1 - more}, for the last of so many runs")
         if problems:
-            raise ValueError("; ".join(problems))
+            raise BrokenRules(problems)
         return self
 
 

@@ -39,6 +39,14 @@ LONGEST_TEXT = 80  # characters of a value that are shown
 MOST_TEXTS = 6  # items of a list
 
 
+class BrokenRules(ValueError):
+    """Rules between fields that values break; `problems` holds one message for each."""
+
+    def __init__(self, problems: Iterable[str]) -> None:
+        self.problems = list(problems)
+        super().__init__("; ".join(self.problems))
+
+
 def option_name(field: str) -> str:
     """The option of a field: normal_stress -> --normal-stress."""
     return "--" + field.replace("_", "-")
@@ -68,8 +76,9 @@ def explain(error: pydantic.ValidationError, params_class: type[Params], values:
     for item in error.errors(include_url=False):
         loc = item["loc"]
         reason = str(item.get("ctx", {}).get("error", "")) or item["msg"].replace("Input should", "must")
-        if not loc:  # a rule between several fields
-            messages[(reason,)] = reason.rstrip(".") + "."
+        if not loc:  # rules between several fields
+            for text in getattr(item.get("ctx", {}).get("error"), "problems", [reason]):
+                messages[(text,)] = text.rstrip(".") + "."
             continue
         name = str(loc[0])
         if name not in params_class.model_fields:
@@ -109,12 +118,38 @@ def as_arguments(problems: Iterable[str], fields: Iterable[str]) -> list[str]:
 def rules_between(
     error: pydantic.ValidationError, params_class: type[Params], values: dict, known: list[str]
 ) -> list[str]:
-    """Broken rules between fields that pydantic did not reach because a field was wrong by itself."""
+    """Broken rules between fields that pydantic did not reach because a field was wrong by itself.
+
+    In a list of tables the keys that are wrong are left out: rules between the others, and between tables, are told,
+    but for those that rest on such a key.
+    """
+    wrong = _wrong(error)
+    tables, keys = _mended(error, values)
     try:
-        params_class.model_validate(_without(values, _wrong(error)))
+        params_class.model_validate(_without(values, wrong) | tables)
     except pydantic.ValidationError as later:
-        return [text for text in explain(later, params_class, values, {}) if text not in known]
+        found = [text for text in explain(later, params_class, values, {}) if text not in known]
+        return [text for text in found if not any(re.search(rf"\b{re.escape(key)}\b", text) for key in keys)]
     return []
+
+
+def _mended(error: pydantic.ValidationError, values: dict) -> tuple[dict[str, list], set[str]]:
+    """({field: tables without their wrong keys}, these keys) of the lists of tables in which single keys are wrong."""
+    places: dict[str, dict[int, set[str]]] = {}
+    lost: set[str] = set()
+    for item in error.errors(include_url=False):
+        loc = item["loc"]
+        name = str(loc[0]) if loc else ""
+        if len(loc) < 3 or not isinstance(loc[1], int) or not isinstance(values.get(name), list):
+            lost.add(name)  # of which more than keys of tables is wrong
+            continue
+        places.setdefault(name, {}).setdefault(loc[1], set()).add(str(loc[2]))
+    kept = {name: keys for name, keys in places.items() if name not in lost}
+    mended = {
+        name: [_without(table, keys.get(i, set())) for i, table in enumerate(values[name])]
+        for name, keys in kept.items()
+    }
+    return mended, {key for keys in kept.values() for those in keys.values() for key in those}
 
 
 def _wrong(error: pydantic.ValidationError) -> set[str]:
@@ -122,7 +157,7 @@ def _wrong(error: pydantic.ValidationError) -> set[str]:
     return {str(item["loc"][0]) for item in error.errors(include_url=False) if item["loc"]}
 
 
-def _without(values: dict, names: set[str]) -> dict:
+def _without(values: Mapping[str, Any], names: set[str]) -> dict:
     return {name: value for name, value in values.items() if name not in names}
 
 

@@ -34,7 +34,8 @@ def short_stages(params: LayerParams) -> Iterator[tuple[str, float, float]]:
         sample = stage.table.sample
         ((name, value),) = sample.given.items() if sample else [("strain", 1.0 / params.rows_per_strain)]
         first = duration(params, name, value, rate)
-        end = min(duration(params, name, value, rate) for name, value in stage.table.until.given.items())
+        ends = (duration(params, name, value, rate) for name, value in stage.table.until.given.items())
+        end = min(ends, default=float("inf"))  # none of a stage that is wrong
         if end < first * (1.0 - 1e-6) and end < float("inf"):
             yield stage.table.name, first, end
 

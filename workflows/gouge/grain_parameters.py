@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 import taichi_lsm as lsm
 from workflows.common.parameter_files import listed
+from workflows.common.parameter_problems import BrokenRules
 from workflows.common.parameter_types import OtherNames
 from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import in_terms_of
@@ -105,7 +106,7 @@ class GrainParams(BaseParams):
     def _consistent(self) -> Self:
         problems = [*self.problems_of_grains(), *self.problems_of_shear()]
         if problems:
-            raise ValueError("; ".join(problems))
+            raise BrokenRules(problems)
         return self
 
     def problems_of_grains(self) -> Iterator[str]:

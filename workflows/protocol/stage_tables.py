@@ -44,12 +44,6 @@ class Lengths(Table):
 class Until(Lengths):
     """The end of a stage: the first of those that are given, counted from its begin."""
 
-    @model_validator(mode="after")
-    def _some(self) -> Self:
-        if not self.given:
-            raise ValueError("must have strain, slip or time, such as until = {strain = 1.0}")
-        return self
-
 
 class Interval(Lengths):
     """A distance of rows."""
@@ -83,10 +77,10 @@ class Oscillation(Table):
 
 
 class StageTable(Table):
-    """One stage of a schedule."""
+    """One stage of a schedule; `problems_of_stages` tells what is wrong in it, beside values out of range."""
 
-    name: str
-    until: Until
+    name: str = ""
+    until: Until = Until()
     velocity: float | None = Field(default=None, ge=-1e3, le=1e3)
     shear_stress: float | None = None
     normal_stress: float | None = None
@@ -96,38 +90,40 @@ class StageTable(Table):
     repeat: int = Field(default=1, ge=1, le=MOST_STAGES)
     repeat_from: str | None = None
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def problems(self) -> Iterator[str]:
+        """What is wrong within the stage, one text for each mistake, which begins with a key."""
         if not NAME.fullmatch(self.name):
-            raise ValueError("name: must be a letter, then up to 39 letters, digits, - and _")
+            yield "name: must be a letter, then up to 39 letters, digits, - and _"
+        if self.name in RESERVED:
+            yield f"name {self.name}: is that of a stage before the schedule, choose another"
+        if not self.until.given:
+            yield "until: must have strain, slip or time, such as until = {strain = 1.0}"
         for name, least in (("shear_stress", -MOST_STRESS), ("normal_stress", 1.0 / MOST_STRESS)):
             value = getattr(self, name)
             if value is not None and not least <= value <= MOST_STRESS:
                 allowed = f"must be from {least:g} to {MOST_STRESS:g}: it is over --normal-stress, and not in Pa"
-                raise ValueError(f"{name} {value:g}: {allowed}")
+                yield f"{name} {value:g}: {allowed}"
         if self.velocity and abs(self.velocity) < LEAST_VELOCITY:
-            raise ValueError(
-                f"velocity {self.velocity:g}: must be 0 or at least {LEAST_VELOCITY:g}, over the usual one"
-            )
+            yield f"velocity {self.velocity:g}: must be 0 or at least {LEAST_VELOCITY:g}, over the usual one"
         if self.velocity is not None and self.shear_stress is not None:
-            raise ValueError(
+            yield (
                 f"velocity {self.velocity:g}, shear_stress {self.shear_stress:g}: the platen can follow one of them; "
                 "leave one out, or give them to two stages"
             )
-        if self.oscillate and getattr(self, self.oscillate.of) == 0.0:
-            name = self.oscillate.of.replace("_", " ")
-            raise ValueError(f"oscillate: has no effect at a {name} of 0, which it is a share of")
-        if self.name in RESERVED:
-            raise ValueError(f"name {self.name}: is that of a stage before the schedule, choose another")
-        if self.oscillate and getattr(self, self.oscillate.of) is None:
-            raise ValueError(f"oscillate.of {self.oscillate.of}: the stage must give {self.oscillate.of} as well")
-        if self.ramp > 0.0 and not any(getattr(self, name) is not None for name in get_args(Driven)):
-            raise ValueError(
-                f"ramp {self.ramp:g}: nothing changes in this stage; give velocity, shear_stress or normal_stress"
-            )
+        yield from self._problems_of_changes()
         if self.repeat_from is not None and self.repeat == 1:
-            raise ValueError(f"repeat_from {self.repeat_from}: has no effect without repeat")
-        return self
+            yield f"repeat_from {self.repeat_from}: has no effect without repeat"
+
+    def _problems_of_changes(self) -> Iterator[str]:
+        """A sine or a ramp of nothing."""
+        if self.oscillate:
+            of = self.oscillate.of
+            if getattr(self, of) == 0.0:
+                yield f"oscillate: has no effect at a {of} of 0, which it is a share of"
+            if getattr(self, of) is None:
+                yield f"oscillate.of {of}: the stage must give {of} as well"
+        if self.ramp > 0.0 and not any(getattr(self, name) is not None for name in get_args(Driven)):
+            yield f"ramp {self.ramp:g}: nothing changes in this stage; give velocity, shear_stress or normal_stress"
 
 
 @dataclass(frozen=True)
@@ -182,7 +178,12 @@ def _one_of(stage: Planned) -> Planned:
 
 
 def problems_of_stages(tables: Sequence[StageTable]) -> Iterator[str]:
-    """What is wrong between stages, one text for each mistake."""
+    """What is wrong in stages and between them, one text for each mistake.
+
+    A text names every key that it rests on: one of which the value was wrong by itself says nothing.
+    """
+    for i, table in enumerate(tables):
+        yield from (f"stages[{i}].{text}" for text in table.problems())
     names, free = [table.name for table in tables], 0
     for i, table in enumerate(tables):
         if table.repeat == 1:
@@ -207,13 +208,15 @@ def problems_of_stages(tables: Sequence[StageTable]) -> Iterator[str]:
     timed = {id(stage.table): stage.velocity for stage in planned(tables) if not stage.velocity}
     for i, table in enumerate(tables):
         if id(table) in timed:
-            why = "is under a shear stress" if timed[id(table)] is None else "stands still"
+            why = (
+                "is under a shear_stress, at no velocity" if timed[id(table)] is None else "stands still, at velocity 0"
+            )
             yield from _problems_of_times(f"stages[{i}]", table, f"{table.name} {why}")
 
 
 def _problems_of_times(where: str, table: StageTable, why: str) -> Iterator[str]:
     """What cannot be of a stage whose strain and slip do not come, or come at an unknown time."""
-    if table.until.time is None:
+    if table.until.given and table.until.time is None:
         yield f"{where}.until: {why}, must have a time, such as until = {{time = 100.0}}"
     for name, given in (("sample", table.sample), ("sample.most", table.sample and table.sample.most)):
         if given is not None and given.time is None:

@@ -41,8 +41,8 @@ def test_a_stage_that_ends_before_its_first_row_is_remarked():
 
 def test_a_stress_in_pascal_is_refused_with_its_unit():
     for name in ("shear_stress", "normal_stress"):
-        with pytest.raises(ValueError, match=f"{name} 5e.06: must be from .*over --normal-stress, and not in Pa"):
-            StageTable(**{"name": "a", "until": {"time": 1.0}, name: 5e6})
+        with pytest.raises(ValueError, match=f"{name} 5e.06: must be from .*over normal_stress, and not in Pa"):
+            shear_gouge.Params(stages=[RUN_IN, {"name": "a", "until": {"time": 1.0}, name: 5e6}])
 
 
 def test_a_stage_without_a_velocity_keeps_that_before_it():
@@ -54,14 +54,20 @@ def test_a_stage_without_a_velocity_keeps_that_before_it():
     ("stages", "words"),
     [
         ([UP | {"velocty": 1.0}], r"stages\[0\]\.velocty = 1.0: unknown key\. Did you mean velocity\?"),
-        ([RUN_IN | {"until": {}}], r"stages\[0\]\.until = {}: .*must have strain, slip or time"),
+        ([RUN_IN | {"until": {}}], r"stages\[0\]\.until: must have strain, slip or time"),
         ([RUN_IN | {"sample": {"strain": 0.1, "time": 1.0}}], r"stages\[0\]\.sample.*must have one of strain, slip"),
         ([RUN_IN | {"sample": {"strain": 0.1, "growth": 1.1}}], "growth and most go together"),
         ([RUN_IN | {"name": "consolidate"}], "name consolidate: is that of a stage before the schedule"),
         ([{"name": "a", "until": {"time": 1.0}}], "velocity: the first stage, a, must give it"),
-        ([RUN_IN, HOLD | {"sample": {"strain": 0.1}}], r"stages\[1\].sample: hold stands still, must be a time"),
-        ([RUN_IN, HOLD | {"until": {"strain": 0.1}}], r"stages\[1\].until: hold stands still, must have a time"),
-        ([RUN_IN, {"name": "h", "velocity": 0.0, "until": {"time": 1.0}}], r"stages\[1\].sample: h stands still"),
+        (
+            [RUN_IN, HOLD | {"sample": {"strain": 0.1}}],
+            r"stages\[1\].sample: hold stands still, at velocity 0, must be a time",
+        ),
+        (
+            [RUN_IN, HOLD | {"until": {"strain": 0.1}}],
+            r"stages\[1\].until: hold stands still, at velocity 0, must have a time",
+        ),
+        ([RUN_IN, {"name": "h", "velocity": 0.0, "until": {"time": 1.0}}], r"stages\[1\].sample: h stands still, at"),
         ([RUN_IN, DOWN], r"stages\[1\].repeat_from up: must be the name of this stage or of one before it"),
         ([RUN_IN, UP, DOWN, HOLD | {"repeat": 2, "repeat_from": "up"}], "is repeated already, must come after down"),
         ([RUN_IN | {"repeat": 20_000}, HOLD], "20001 with their repetitions, must be at most 20000"),
@@ -74,12 +80,21 @@ def test_a_stage_without_a_velocity_keeps_that_before_it():
         ),
         ([RUN_IN | {"ramp": 1.0, "velocity": None}], "ramp 1: nothing changes .*give velocity, shear_stress or normal"),
         ([RUN_IN, CREEP | {"velocity": 1.0}], r"velocity 1, shear_stress 0\.2: the platen can follow one of them"),
-        ([RUN_IN, CREEP | {"until": {"slip": 3.0}}], r"stages\[1\]\.until: creep is under a shear stress, must"),
-        ([RUN_IN, CREEP | {"sample": {"slip": 1.0}}], r"stages\[1\]\.sample: creep is under a shear stress, "),
-        ([CREEP, {"name": "on", "until": {"strain": 1.0}}], r"stages\[1\]\.until: on is under a shear stress"),
+        (
+            [RUN_IN, CREEP | {"until": {"slip": 3.0}}],
+            r"stages\[1\]\.until: creep is under a shear_stress, at no velocity, must",
+        ),
+        (
+            [RUN_IN, CREEP | {"sample": {"slip": 1.0}}],
+            r"stages\[1\]\.sample: creep is under a shear_stress, at no velocity, ",
+        ),
+        (
+            [CREEP, {"name": "on", "until": {"strain": 1.0}}],
+            r"stages\[1\]\.until: on is under a shear_stress, at no velocity",
+        ),
         (
             [CREEP | {"shear_stress": 0.0, "oscillate": {"of": "shear_stress", "amplitude": 0.5, "period": 1.0}}],
-            "oscillate: has no effect at a shear stress of 0",
+            "oscillate: has no effect at a shear_stress of 0",
         ),
         (
             [RUN_IN | {"oscillate": {"of": "normal_stress", "amplitude": 0.1, "period": 5.0}}],
@@ -90,6 +105,32 @@ def test_a_stage_without_a_velocity_keeps_that_before_it():
 def test_mistakes_name_the_stage_and_the_key(stages, words):
     with pytest.raises(ParameterError, match=words):
         shear_gouge.Params(stages=stages)
+
+
+def test_all_mistakes_in_stages_are_told_at_once():
+    """Of keys, within stages and between them; but not what only a mistake in another key makes look wrong."""
+    wrong = [
+        {"name": "1st", "velocty": 1.0, "until": {"strain": 1.0}},
+        HOLD | {"until": {"strain": "far"}, "ramp": 1.0, "velocity": 1e-9},
+        {"name": "a", "velocity": "fast", "until": {}, "repeat_from": "nowhere"},
+        {"name": "b", "shear_stress": 5e6, "until": {"time": 1.0}, "repeat": 2, "repeat_from": "c"},
+    ]
+    with pytest.raises(ParameterError) as caught:
+        shear_gouge.Params(stages=wrong)
+    problems = caught.value.problems
+    for words in (
+        "stages[0].velocty = 1.0: unknown key. Did you mean velocity?",
+        "stages[1].until.strain = far: ",
+        "stages[2].velocity = fast: ",
+        "stages[0].name: must be a letter",
+        "stages[2].repeat_from nowhere: has no effect without repeat",
+        "stages[3].shear_stress 5e+06: must be from -1000 to 1000",
+        "stages[3].repeat_from c: must be the name of this stage or of one before it",
+    ):
+        assert sum(text.startswith(words) for text in problems) == 1, (words, problems)
+    # The first stage may have given the misspelt velocity, and the second one's end is wrong already.
+    assert not any("must give it" in text or "stages[1].until:" in text for text in problems), problems
+    assert len(problems) == 7, problems
 
 
 def test_stages_survive_the_file_of_a_run(tmp_path):
