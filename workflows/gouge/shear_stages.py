@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from workflows.gouge.expected_shear import duration
 from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_drives import NORMAL_STIFFNESS, NORMAL_STRESS, SHEAR_RATE, SHEAR_STRESS
@@ -18,13 +20,23 @@ SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run:
 def shear_stages(params: GrainParams, dt: float) -> list[Stage]:
     """All stages after the consolidation; dt: time step [s]. The first puts the spring behind the servo, if any."""
     all_stages = planned(params.shear_tables())
-    last = max((stage.cycle for stage in all_stages), default=0)
     stiffness = params.normal_stiffness if isinstance(params, LayerParams) else None
     spring = {NORMAL_STIFFNESS: Change(stiffness)} if stiffness else {}
     return [
-        _stage(params, dt, stage, {} if i else spring, kept=stage.cycle in (0, 1, last))
-        for i, stage in enumerate(all_stages)
+        _stage(params, dt, stage, {} if i else spring, kept)
+        for i, (stage, kept) in enumerate(zip(all_stages, _kept(all_stages), strict=True))
     ]
+
+
+def _kept(stages: Sequence[Planned]) -> list[bool]:
+    """Whether the end of each stage is kept: of repeated ones in the first and in the last repetition."""
+    kept, after, last = [], 0, 0
+    for stage in reversed(stages):
+        if stage.cycle > after:  # the last stage of those that are repeated together
+            last = stage.cycle
+        kept.append(stage.cycle in (0, 1, last))
+        after = stage.cycle
+    return kept[::-1]
 
 
 def _stage(params: GrainParams, dt: float, stage: Planned, first: dict[str, Change], kept: bool) -> Stage:

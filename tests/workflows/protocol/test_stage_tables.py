@@ -155,6 +155,21 @@ def test_the_units_are_those_of_the_layer():
     assert expected(params) == pytest.approx((0.2, 10.0))  # 4 d at 0.4 d per t_i, 20 d thick
 
 
+def test_the_first_and_the_last_repetition_of_all_stages_are_kept():
+    """Also of those that are repeated less often than others."""
+    again = [UP | {"name": "fast"}, DOWN | {"name": "slow", "repeat": 5, "repeat_from": "fast"}]
+    made = shear_stages(shear_gouge.Params(stages=[RUN_IN, UP, DOWN, HOLD, *again]), 1e-8)
+    kept = [(stage.name, stage.cycle) for stage in made if stage.kept]
+    assert kept == [
+        ("run-in", 0),
+        *[(name, cycle) for cycle in (1, 3) for name in ("up", "down")],
+        ("hold", 0),
+        *[(name, cycle) for cycle in (1, 5) for name in ("fast", "slow")],
+    ]
+    two = shear_stages(shear_gouge.Params(stages=[RUN_IN, HOLD | {"repeat": 2}, UP | {"repeat": 3}]), 1e-8)
+    assert [(stage.name, stage.cycle) for stage in two if not stage.kept] == [("up", 2)]
+
+
 def test_a_shear_stress_is_over_the_normal_stress_and_lasts_until_a_velocity():
     """And nobody knows how far it shears the layer."""
     wave = {"ramp": 3.0, "oscillate": {"of": "shear_stress", "amplitude": 0.1, "period": 20.0}}
