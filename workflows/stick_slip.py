@@ -127,7 +127,7 @@ def analyse(events: xarray.Dataset, params: Params) -> dict[str, Metric]:
     )
     metrics |= _sizes(events)
     released = events.released_energy.values
-    closed = float(np.max(np.abs(events.energy_residual.values) / released))
+    closed = float(np.max(np.abs(events.energy_residual.values / released)))
     remedy = "work, storage and losses of an event do not balance: lower --step-safety"
     metrics["event_energy_residual"] = Metric(
         closed, "1", CLOSED, closed < CLOSED, note="greatest, over what the spring released", remedy=remedy

@@ -163,6 +163,9 @@ def _mean(values: npt.NDArray[np.float64]) -> Estimate:
     """Mean of independent values, its error by their scatter."""
     if values.size < 2:
         return Estimate(float(values.mean()), math.nan, values.size, math.nan, "one value: shear further")
+    if np.ptp(values) <= 1e-9 * abs(float(values.mean())):
+        reason = "all values are equal, as of times in whole rows: shear further, or with closer rows"
+        return Estimate(float(values.mean()), math.nan, values.size, math.nan, reason)
     return Estimate(
         float(values.mean()), float(values.std(ddof=1)) / math.sqrt(values.size), values.size, values.size - 1.0
     )

@@ -35,8 +35,9 @@ def event_energies(run: "Dataset", events: "Dataset", stiffness: float) -> "Data
     -------
     Dataset
         `events` with, along event: released_energy [J] of the spring; external_work [J]; dissipated_energy (event,
-        effect) [J]; peak_kinetic_energy [J] during the event less that at its start; elastic_energy_change [J];
-        kinetic_energy_change [J]; energy_residual [J]; thickness_change [m]; slip_before [m] since the last event.
+        effect) [J]; peak_kinetic_energy [J], the greatest at a row of the event less that at its start;
+        elastic_energy_change [J]; kinetic_energy_change [J]; energy_residual [J]; thickness_change [m]; slip_before [m]
+        since the last event.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def event_energies(run: "Dataset", events: "Dataset", stiffness: float) -> "Data
     columns = {
         "released_energy": (-change(stored), "J", "energy that the spring released"),
         "external_work": (change(value["external_work"]), "J", "work of spring and servo on the platens"),
-        "peak_kinetic_energy": (np.array(peaks), "J", "greatest kinetic energy less that at the start"),
+        "peak_kinetic_energy": (np.array(peaks), "J", "greatest kinetic energy at a row, less that at the start"),
         "kinetic_energy_change": (change(kinetic), "J", "kinetic energy at the end less that at the start"),
         "elastic_energy_change": (change(value["elastic_energy"]), "J", "elastic energy likewise"),
         "energy_residual": (change(value["energy_residual"]), "J", "work less changes of energies less dissipation"),

@@ -18,13 +18,13 @@ NORMAL_MAD = 1.482602218505602  # standard deviation of a normal distribution ov
 WINDOW = 20  # rows of loading on each side of an event, from which its drop is read
 LEAST_PLACES = 10  # without an event, at which the error of a drop is measured
 MEANING = {
-    "start": ("s", "time of the onset"),
-    "end": ("s", "time at which the platen is slow again"),
+    "start": ("s", "time of the onset: of the last row before it"),
+    "end": ("s", "time at which the platen is slow again: of the first row after it"),
     "duration": ("s", "end less start"),
     "stress_drop": ("Pa", "stress at the onset less that at the end"),
     "stress_drop_error": ("Pa", "standard error of stress_drop; nan where too little loading shows the noise"),
     "slip": ("m", "slip of the platen during the event"),
-    "peak_velocity": ("m s-1", "greatest velocity of the platen"),
+    "peak_velocity": ("m s-1", "greatest velocity of the platen, mean since the row before"),
     "recurrence": ("s", "time since the onset of the event before; nan of the first"),
 }
 
@@ -51,6 +51,10 @@ def detect_events(
     before or after, or those that there are up to the next event. So noise does not make drops larger, as it does
     highest less lowest values. Its error is what the same two lines differ by at places without an event, so that it
     holds for correlated noise. Events that the data cut off at either end are left out.
+
+    An event lies between two rows: where it begins and ends within rows, its start is half a row early on average, its
+    end half a row late, and the drop smaller by what loading adds in a row. Slip and energies are those between the two
+    rows.
 
     Parameters
     ----------

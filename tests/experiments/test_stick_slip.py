@@ -59,6 +59,9 @@ def test_an_event_whose_energy_is_lost_breaks_the_claim():
     lost["energy_residual"] = 0.01 * lost.external_work
     metric = stick_slip.analyse(stick_slip.events_of(lost, PARAMS), PARAMS)["event_energy_residual"]
     assert not metric.holds and metric.value > 5e-3
+    events = stick_slip.events_of(lost, PARAMS)
+    events["released_energy"] = -events.released_energy  # of a spring that was loaded meanwhile
+    assert not stick_slip.analyse(events, PARAMS)["event_energy_residual"].holds
 
 
 def test_a_layer_without_a_spring_is_refused():

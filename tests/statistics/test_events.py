@@ -75,6 +75,24 @@ def test_an_event_without_noise_is_measured_exactly():
     assert math.isnan(events.recurrence[0]) and events.recurrence.values[1:] == pytest.approx(np.diff(onsets))
 
 
+def test_an_event_that_begins_and_ends_within_rows_reaches_from_row_to_row():
+    """Its start is early and its end late, by half a row on average; the drop lacks what loading adds in a row."""
+    rng, rows, per, parts, drop, lasts = np.random.default_rng(5), 6000, 60, 20, 6.0, 2.3
+    load, fine = drop / per, np.arange(rows * parts) / parts
+    onsets = per * np.arange(1, rows // per) + rng.uniform(0.0, 1.0, rows // per - 1)
+    fast = (np.searchsorted(onsets, fine, "right") > 0) & (
+        fine - onsets[np.maximum(np.searchsorted(onsets, fine, "right") - 1, 0)] < lasts
+    )
+    velocity = np.where(fast, load + drop / lasts, 0.0).reshape(rows, parts).mean(axis=1)
+    stress = np.cumsum(load - velocity)
+    events = detect_events(np.arange(1.0, rows + 1.0), stress, velocity + 1e-3 * load * rng.normal(size=rows), load)
+    assert events.sizes["event"] == onsets.size
+    assert float(np.mean(events.start.values - onsets)) == pytest.approx(-0.5, abs=0.1)
+    assert float(np.mean(events.end.values - onsets - lasts)) == pytest.approx(0.5, abs=0.1)
+    assert float(events.stress_drop.mean()) == pytest.approx(drop - load, abs=0.1 * load)
+    assert events.slip.values == pytest.approx(drop + load * lasts, rel=0.01)  # nothing of it is lost
+
+
 def test_hysteresis_keeps_an_event_whole():
     """A platen that slows down within an event, not below the lower threshold, makes one event of it."""
     rng = np.random.default_rng(2)
@@ -110,6 +128,13 @@ def test_the_means_of_a_catalogue():
     assert found.events == 20 and found.stress_drop.mean == pytest.approx(drops.mean())
     assert found.stress_drop.standard_error == pytest.approx(drops.std(ddof=1) / math.sqrt(20))
     assert found.recurrence.effective_samples == 19 and 0.5 < found.recurrence_variation < 1.5
+
+
+def test_that_all_durations_are_of_as_many_rows_is_no_error_of_their_mean():
+    time, stress, velocity, _, _ = saw_tooth(np.random.default_rng(1), 20, 0.0, 0.0)
+    duration = catalogue_statistics(detect_events(time, stress, velocity, 1.0)).duration
+    assert duration.mean == pytest.approx(FAST * STEP) and math.isnan(duration.standard_error)
+    assert duration.unknown.startswith("all values are equal, as of times in whole rows")
 
 
 def coverage_of_b(rng, count, trials, b=1.2):
