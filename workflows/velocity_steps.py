@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     import xarray
 
 
+SWINGS = 3.0  # periods of the platen on its spring, which the relaxation of the layer must outlast
+
+
 class Params(StepParams):
     """A layer whose velocity is stepped up and down."""
 
@@ -129,11 +132,13 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
     """Metrics of the steps, of the law that fits better and of both, in docs/velocity-steps.md."""
     laws, metrics = response.laws, {}
     best = laws.ageing if laws.better == "ageing" else laws.slip
+    per_time = response.velocities[UP] * params.inertial_time
+    swings = _swings(best.slip_distance.value / per_time, params)
     for suffix, fit in (("", best), ("_ageing", laws.ageing), ("_slip", laws.slip)):
         of = f"of the {fit.law} law" + (", which fits better" if not suffix else "")
-        metrics |= metrics_of_value(f"direct_effect{suffix}", fit.a, "1", f"a {of}")
-        metrics |= metrics_of_value(f"evolution_effect{suffix}", fit.b, "1", f"b {of}")
-        metrics |= metrics_of_value(f"slip_distance{suffix}", fit.slip_distance, "m", f"D_c {of}")
+        metrics |= metrics_of_value(f"direct_effect{suffix}", fit.a, "1", f"a {of}{swings}")
+        metrics |= metrics_of_value(f"evolution_effect{suffix}", fit.b, "1", f"b {of}{swings}")
+        metrics |= metrics_of_value(f"slip_distance{suffix}", fit.slip_distance, "m", f"D_c {of}{swings}")
         metrics |= metrics_of_value(f"rate_dependence{suffix}", fit.rate_dependence, "1", f"a - b {of}")
         words = f"chi square {of} over its degrees of freedom"
         metrics[f"misfit{suffix}"] = Metric(fit.chi_square / fit.degrees_of_freedom, "1", note=words)
@@ -145,7 +150,7 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
         "rate_dependence_steady", response.steady, "1", "a - b from the steady states, without a law"
     )
     metrics |= metrics_of_value("dilatancy_coefficient", response.dilatancy, "1", "change of porosity per ln V")
-    distance, size, per_time = best.slip_distance, params.diameter, response.velocities[UP] * params.inertial_time
+    distance, size = best.slip_distance, params.diameter
     for name, unit, words in (
         ("slip_distance_diameters", size, "D_c over the mean diameter"),
         ("relaxation_time", per_time, "D_c/(r V) in inertial times"),
@@ -154,6 +159,17 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
         why = f"{words}; interval unknown: {distance.unknown}" if distance.unknown else words
         metrics[name] = Metric(distance.value / unit, "1", interval=interval, note=why)
     return metrics
+
+
+def _swings(relaxation: float, params: Params) -> str:
+    """That within a relaxation time [t_i] the platen swings on its spring, which the fit does not know; "" if not."""
+    period = params.spring_period
+    if period is None or relaxation > SWINGS * period:
+        return ""
+    return (
+        f"; not of the layer alone: the platen swings on its spring with a period of {period:.2g} inertial times, and "
+        f"D_c/(r V) is {relaxation:.2g}"
+    )
 
 
 def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, Metric]:

@@ -1,6 +1,7 @@
 """Velocity steps: the law that a layer obeys comes out of its run.nc, and a run has its files and goes on."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,6 +75,25 @@ def test_a_layer_that_does_not_change_has_no_law():
     metrics = velocity_steps.analyse(velocity_steps.response_of(still, PARAMS), PARAMS)
     assert abs(metrics["direct_effect"].value) < 1e-3 and abs(metrics["rate_dependence_steady"].value) < 1e-4
     assert metrics["slip_distance"].interval is None and "unknown" in metrics["slip_distance_se"].note
+
+
+def test_a_platen_that_swings_on_its_spring_is_told():
+    """Of whose inertia the fit knows nothing: its period is 2 pi sqrt(M/K), M a twentieth of the layer's mass."""
+    soft, stiff = (PARAMS.model_copy(update={"load_stiffness_ratio": ratio}) for ratio in (0.1, 1e4))
+    mass = 0.05 * 0.8 * soft.density * soft.area * soft.layer[0]
+    thin = soft.model_copy(update={"layer_thickness": 8.0})  # the row of discs of whose platen has more mass
+    row = np.pi / 4.0 * thin.density * thin.area * thin.diameter
+    for params, moved in ((soft, mass), (thin, row)):
+        period = 2.0 * np.pi * np.sqrt(moved / params.spring) / params.inertial_time
+        assert params.spring_period == pytest.approx(period)
+    assert PARAMS.spring_period is None and soft.spring_period == pytest.approx(316.2 * stiff.spring_period, rel=1e-3)
+    response = velocity_steps.response_of(synthetic(), PARAMS)
+    response = replace(response, velocities={stage: 1e3 * v for stage, v in response.velocities.items()})  # 6 t_i
+    for params, told in ((soft, True), (stiff, False), (PARAMS, False)):
+        metrics = velocity_steps.analyse(response, params)
+        for name in ("direct_effect", "evolution_effect", "slip_distance", "direct_effect_ageing"):
+            assert ("swings on its spring" in metrics[name].note) == told, (name, told)
+        assert "swings" not in (metrics["rate_dependence_steady"].note or "")
 
 
 @pytest.fixture(scope="module")

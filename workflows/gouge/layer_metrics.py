@@ -182,6 +182,7 @@ def _spring(params: LayerParams) -> dict[str, Metric]:
         "load_stiffness": Metric(p.spring, "N m-1", note="of the spring that pulls the top platen"),
         "load_stiffness_area": Metric(p.spring / p.area, "Pa m-1", note="the same over the area of the layer"),
         "load_stiffness_ratio": Metric(p.spring / p.shear_stiffness, "1", note="over the shear stiffness of the layer"),
+        "spring_period": Metric(p.spring_period, "1", note="about, of the top platen on the spring, in inertial times"),
         "contact_stiffness": Metric(p.stiffness, "N m-1", note="normal stiffness of a contact"),
         "layer_area": Metric(p.area, "m2", note="along the shear"),
     }

@@ -7,9 +7,10 @@ import numpy as np
 from pydantic import Field
 
 from workflows.gouge.expected_shear import short_stages
-from workflows.gouge.grain_parameters import GrainParams
+from workflows.gouge.grain_parameters import PACKED, GrainParams
 
 LEAST_THICKNESS = 8  # of a layer [mean diameters]
+LEAST_INERTIA = 0.05  # of the top platen, in layer masses; docs/decisions/0007
 SPRINGS = ("load_stiffness", "load_stiffness_area", "load_stiffness_ratio")  # ways to give the spring of the load point
 
 
@@ -126,3 +127,16 @@ class LayerParams(GrainParams):
         if self.load_stiffness_ratio:
             return self.load_stiffness_ratio * self.shear_stiffness
         return self.load_stiffness
+
+    @property
+    def spring_period(self) -> float | None:
+        """Period [t_i] of the top platen on the spring that pulls it, 2 pi sqrt(M/K)/t_i; None without a spring.
+
+        M is about the mass of one layer of grains, or LEAST_INERTIA of that of the layer if that is more.
+        """
+        if self.spring is None:
+            return None
+        one = np.pi / 4.0 if self.dim == 2 else np.pi / 6.0  # filled by grains that lie side by side
+        glued = one * self.platen_roughness * self.diameter
+        filled = max(glued, LEAST_INERTIA * PACKED[self.dim] * self.layer[0])  # height of solid [m]
+        return 2.0 * float(np.pi * np.sqrt(self.density * self.area * filled / self.spring)) / self.inertial_time

@@ -15,7 +15,7 @@ from workflows.common.small_scenes import scene_of
 from workflows.gouge.expected_shear import expected
 from workflows.gouge.grain_parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, GrainParams
 from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
-from workflows.gouge.layer_parameters import SPRINGS, LayerParams
+from workflows.gouge.layer_parameters import LEAST_INERTIA, SPRINGS, LayerParams
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
-LEAST_INERTIA = 0.05  # of the servo, in layer masses; docs/decisions/0007
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
 MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
 
