@@ -29,7 +29,7 @@ from workflows.common.stopwatch import Stopwatch
 from workflows.gouge import layer_scene
 from workflows.gouge.forks import fork
 from workflows.gouge.hold_response import COLUMNS, HOLD, RELOAD, RUN_IN, Healing, healing_of, response_to_hold
-from workflows.gouge.layer_cost import layer_cost
+from workflows.gouge.layer_cost import layer_cost, start_seconds
 from workflows.gouge.layer_metrics import worst_claims
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.plots.healing import plot_healing
@@ -128,9 +128,8 @@ check = layer_scene.check  # as of every layer
 
 
 def estimate(params: Params) -> RunCost:
-    """Expected steps, time and memory of all runs; the run-in of each seed is made once."""
-    trunk = layer_cost(_params_of(params, params.seed, None))
-    start = layer_cost(_params_of(params, params.seed, 0.0)).seconds - trunk.seconds
+    """Expected steps, time and memory of all runs; the run-in of each seed is made once, but every run starts anew."""
+    trunk, start = layer_cost(_params_of(params, params.seed, None)), start_seconds(params)
     costs = [trunk]
     for hold in (0.0, *hold_times(params)):
         whole = layer_cost(_params_of(params, params.seed, float(hold)))

@@ -7,6 +7,7 @@ import xarray as xr
 
 import taichi_lsm as lsm
 from workflows import shear_gouge, slide_hold_slide
+from workflows.gouge import layer_cost
 from workflows.gouge.forks import fork
 from workflows.gouge.hold_response import COLUMNS, healing_of, response_to_hold
 
@@ -42,6 +43,19 @@ def test_a_hold_has_its_relaxation_compaction_and_peak():
     later.platen_shear_stress[-1:] = 0.9 * 5e6  # noise, far from the hold
     assert response_to_hold(later, D, within=0.3)["peak_friction"] == pytest.approx(0.4, abs=2e-3)
     assert np.isnan(response_to_hold(held().assign_attrs(run_status="interrupted"), D, 0.3)["healing"])
+
+
+def test_the_peak_is_found_however_far_a_layer_slides_after_it():
+    far = held()
+    far["displacement"] = far.displacement.where(far.displacement < 2.95 * D, 60.0 * D)
+    assert response_to_hold(far, D, within=0.3)["peak_friction"] == pytest.approx(0.4, abs=2e-3)
+
+
+def test_every_run_of_a_hold_starts_anew():
+    """Two run-ins and eight holds, two at a time: each loads its kernels."""
+    params = slide_hold_slide.Params(**slide_hold_slide.Params.presets["smoke"])
+    expected = slide_hold_slide.estimate(params).seconds
+    assert expected > 5 * layer_cost.start_seconds(params) > 0.5 * expected
 
 
 def table(seeds=6, slope=0.01, noise=0.002, of_seed=0.02, seed=1):

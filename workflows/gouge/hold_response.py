@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 RUN_IN, HOLD, RELOAD = "run-in", "hold", "reload"
 STEADY_FROM = 0.5  # of the strain of the run-in, from which on it counts as steady
 SMOOTH = 0.05  # slip over which friction is averaged where its peak is looked for [d]
-POINTS = 400  # of the slip on which it is
+POINTS = 10  # of such a slip, on which it is
 
 COLUMNS = [
     lsm.Variable("seed", ("run",), "i32", "1", "seed of the packing"),
@@ -94,11 +94,12 @@ def reload_curve(run: xarray.Dataset, diameter: float) -> tuple[NDArray, NDArray
     moved = run.displacement.values - run.displacement.values[own[0] - 1]
     middle = 0.5 * (moved[own] + moved[own - 1])
     friction = (run.platen_shear_stress / run.platen_normal_stress).values[own]
-    slip = np.linspace(0.0, float(moved[own].max()), POINTS)
+    far = float(moved[own].max())
+    slip = np.linspace(0.0, far, max(2, round(POINTS * far / (SMOOTH * diameter))))
     curve = np.interp(slip, *_rising(middle, friction))
     width = max(1, round(SMOOTH * diameter / (slip[1] - slip[0])))
     kernel = np.ones(width)
-    return slip, np.convolve(curve, kernel, "same") / np.convolve(np.ones(POINTS), kernel, "same")
+    return slip, np.convolve(curve, kernel, "same") / np.convolve(np.ones(slip.size), kernel, "same")
 
 
 def _rising(slip: NDArray, friction: NDArray) -> tuple[NDArray, NDArray]:

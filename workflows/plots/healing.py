@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.gouge.hold_response import HOLD, POINTS, Healing, reload_curve
+from workflows.gouge.hold_response import HOLD, Healing, reload_curve
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import BLUE, ORANGE, figure_at
 from workflows.plots.run_titles import params_of, title_of
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import xarray
 
 MAP = "viridis"
+FINE = 400  # points of a curve
 FIRST = 0.5  # time after the begin of a hold that is shown [t_i]
 
 
@@ -48,7 +49,7 @@ def _draw_reload(axes: Any, datasets: Any, found: Healing, colours: Any, size: f
         own = [reload_curve(sheared_rows(run), size) for (_, h), run in datasets.items() if np.isclose(h, hold)]
         if not own:
             continue
-        slip = np.linspace(0.0, min(s[-1] for s, _ in own), POINTS)
+        slip = np.linspace(0.0, min(s[-1] for s, _ in own), FINE)
         mean = np.mean([np.interp(slip, s, c) for s, c in own], axis=0)
         axes.plot(slip / size, mean, color=colour, lw=1.4, label="no hold" if hold == 0.0 else f"{hold:.0f} $t_i$")
     axes.set(xlim=(0, None), xlabel="slip after the hold [mean diameters]", ylabel="friction at the platen [1]")
