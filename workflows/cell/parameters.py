@@ -6,7 +6,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from workflows.gouge.grain_parameters import MOST_GRAINS, GrainParams
-from workflows.gouge.parameters import LEAST_ROWS, SHEAR
+from workflows.gouge.parameters import LEAST_ROWS, SHEAR, STRAIN, steady_from_field
 from workflows.protocol.stage_tables import StageTable, Until
 
 LEAST_HEIGHT = 8  # of a cell [mean diameters]
@@ -36,14 +36,8 @@ class CellParams(GrainParams):
         description="share of the cell that grains fill, at which its height is held in the shear; none: the normal "
         "stress is held [1]",
     )
-    strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
-    steady_from: float = Field(
-        default=1.0,
-        ge=0,
-        le=1e4,
-        description="shear strain from which on friction and the other means are taken, as those of the steady state; "
-        "so far below --strain that 12 rows are left [1]",
-    )
+    strain: float = STRAIN
+    steady_from: float = steady_from_field(f"{LEAST_ROWS} rows are left")
 
     presets: ClassVar[dict[str, dict]] = {
         "smoke": {

@@ -1,7 +1,7 @@
 """Parameters of one shear experiment on a layer of gouge: to a strain, through stages, or to a wanted error."""
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -11,6 +11,13 @@ from workflows.protocol.stage_tables import StageTable, Until, problems_of_stage
 LEAST_ROWS = 12  # of the steady state: the correlation of fewer cannot be estimated
 STICK_SLIP = 4  # times as much strain lies between two rows while a layer on a spring slips
 SHEAR = "shear"  # the stage in which friction is measured, where no stages are given
+STRAIN: Any = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
+
+
+def steady_from_field(rows: str) -> Any:
+    """The parameter `steady_from`, of which `rows` says how far below the strain it must lie."""
+    words = "shear strain from which on friction and the other means are taken, as those of the steady state; so far "
+    return Field(default=1.0, ge=0, le=1e4, description=f"{words}below --strain that {rows} [1]")
 
 
 class Params(LayerParams):
@@ -21,14 +28,8 @@ class Params(LayerParams):
         description="stages of the shear in place of one at the velocity of the inertial number: tables [[stages]] "
         "with name, velocity, until and more, see docs/protocols.md",
     )
-    strain: float = Field(default=5.0, gt=0, le=1e4, description="shear strain to reach [1]")
-    steady_from: float = Field(
-        default=1.0,
-        ge=0,
-        le=1e4,
-        description="shear strain from which on friction and the other means are taken, as those of the steady state; "
-        "so far below --strain that 12 rows are left, 48 with a load spring [1]",
-    )
+    strain: float = STRAIN
+    steady_from: float = steady_from_field(f"{LEAST_ROWS} rows are left, {STICK_SLIP * LEAST_ROWS} with a load spring")
     target_error: float | None = Field(
         default=None,
         ge=1e-6,
