@@ -23,7 +23,7 @@ from workflows.gouge import layer_scene
 from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_metrics import quality_metrics
 from workflows.gouge.layer_run import LayerExperiment, run_layer
-from workflows.gouge.step_cycles import DOWN, UP, StepParams, stacks_of, steady_changes, write_cycles
+from workflows.gouge.step_cycles import DOWN, UP, StepParams, mean_over_cycles, stacks_of, steady_changes, write_cycles
 from workflows.plots.normal_stress_steps import plot_normal_stress_steps
 from workflows.plots.run_plots import plot_run
 from workflows.protocol.stage_tables import StageTable
@@ -67,8 +67,7 @@ def analyse(stacks: Mapping[str, xarray.Dataset], params: Params) -> dict[str, M
     """Metrics of the steps, in docs/normal-stress-steps.md."""
     logarithm, metrics = math.log(params.stress_ratio), {}
     for name, words in (("friction", "platen_friction"), ("porosity", "porosity")):
-        changes = steady_changes(stacks, words, params) / logarithm
-        found = lsm.statistics.combine_replicas(changes)
+        found = mean_over_cycles(steady_changes(stacks, words, params) / logarithm)
         note = f"steady change of the {name} per ln of the normal stress"
         metrics |= metrics_of_value(f"{name}_change", found, "1", note)
     for stage, stack in stacks.items():

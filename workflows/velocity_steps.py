@@ -25,7 +25,16 @@ from workflows.gouge import layer_scene
 from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_metrics import quality_metrics
 from workflows.gouge.layer_run import LayerExperiment, run_layer
-from workflows.gouge.step_cycles import DOWN, UP, StepParams, stacks_of, steady_changes, velocities_of, write_cycles
+from workflows.gouge.step_cycles import (
+    DOWN,
+    UP,
+    StepParams,
+    mean_over_cycles,
+    stacks_of,
+    steady_changes,
+    velocities_of,
+    write_cycles,
+)
 from workflows.plots.run_plots import plot_run
 from workflows.plots.velocity_steps import plot_velocity_steps
 from workflows.protocol.stage_tables import StageTable
@@ -118,8 +127,8 @@ def response_of(dataset: xarray.Dataset, params: Params) -> Response:
         stacks,
         v,
         laws,
-        lsm.statistics.combine_replicas(steady_changes(stacks, "platen_friction", params) / logarithm),
-        lsm.statistics.combine_replicas(steady_changes(stacks, "porosity", params) / logarithm),
+        mean_over_cycles(steady_changes(stacks, "platen_friction", params) / logarithm),
+        mean_over_cycles(steady_changes(stacks, "porosity", params) / logarithm),
     )
 
 
