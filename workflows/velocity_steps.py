@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-SWINGS = 3.0  # periods of the platen on its spring, which the relaxation of the layer must outlast
+PERIODS = 3.0  # periods of the platen on its spring, which the relaxation of the layer must outlast
 
 
 class Params(StepParams):
@@ -142,12 +142,12 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
     laws, metrics = response.laws, {}
     best = laws.ageing if laws.better == "ageing" else laws.slip
     per_time = response.velocities[UP] * params.inertial_time
-    swings = _swings(best.slip_distance.value / per_time, params)
+    oscillates = _oscillates(best.slip_distance.value / per_time, params)
     for suffix, fit in (("", best), ("_ageing", laws.ageing), ("_slip", laws.slip)):
         of = f"of the {fit.law} law" + (", which fits better" if not suffix else "")
-        metrics |= metrics_of_value(f"direct_effect{suffix}", fit.a, "1", f"a {of}{swings}")
-        metrics |= metrics_of_value(f"evolution_effect{suffix}", fit.b, "1", f"b {of}{swings}")
-        metrics |= metrics_of_value(f"slip_distance{suffix}", fit.slip_distance, "m", f"D_c {of}{swings}")
+        metrics |= metrics_of_value(f"direct_effect{suffix}", fit.a, "1", f"a {of}{oscillates}")
+        metrics |= metrics_of_value(f"evolution_effect{suffix}", fit.b, "1", f"b {of}{oscillates}")
+        metrics |= metrics_of_value(f"slip_distance{suffix}", fit.slip_distance, "m", f"D_c {of}{oscillates}")
         metrics |= metrics_of_value(f"rate_dependence{suffix}", fit.rate_dependence, "1", f"a - b {of}")
         words = f"chi square {of} over its degrees of freedom"
         metrics[f"misfit{suffix}"] = Metric(fit.chi_square / fit.degrees_of_freedom, "1", note=words)
@@ -170,14 +170,14 @@ def analyse(response: Response, params: Params) -> dict[str, Metric]:
     return metrics
 
 
-def _swings(relaxation: float, params: Params) -> str:
-    """That within a relaxation time [t_i] the platen swings on its spring, which the fit does not know; "" if not."""
+def _oscillates(relaxation: float, params: Params) -> str:
+    """That within a relaxation time [t_i] the platen oscillates on its spring, unknown to the fit; "" if not."""
     period = params.spring_period
-    if period is None or relaxation > SWINGS * period:
+    if period is None or relaxation > PERIODS * period:
         return ""
     return (
-        f"; not of the layer alone: the platen swings on its spring with a period of {period:.2g} inertial times, and "
-        f"D_c/(r V) is {relaxation:.2g}"
+        f"; not of the layer alone: the platen oscillates on its spring with a period of {period:.2g} inertial times, "
+        f"and D_c/(r V) is {relaxation:.2g}"
     )
 
 

@@ -76,8 +76,8 @@ def test_the_error_of_steady_changes_knows_that_cycles_follow_one_another():
         held += abs(mean_over_cycles(changes).mean) < mean_over_cycles(changes).half_width
         plain += abs(changes.mean()) < lsm.statistics.combine_replicas(changes).half_width
     assert held / trials > 0.9 > 0.87 > plain / trials
-    swinging = np.tile([1.0, -1.0], 6) + 0.1 * rng.normal(size=12)  # which is not told to be better known
-    assert mean_over_cycles(swinging).standard_error == lsm.statistics.combine_replicas(swinging).standard_error
+    alternating = np.tile([1.0, -1.0], 6) + 0.1 * rng.normal(size=12)  # which is not told to be better known
+    assert mean_over_cycles(alternating).standard_error == lsm.statistics.combine_replicas(alternating).standard_error
     assert "equal" in mean_over_cycles(np.ones(4)).unknown
 
 
@@ -91,7 +91,7 @@ def test_a_layer_that_does_not_change_has_no_law():
     assert metrics["slip_distance"].interval is None and "unknown" in metrics["slip_distance_se"].note
 
 
-def test_a_platen_that_swings_on_its_spring_is_told():
+def test_a_platen_that_oscillates_on_its_spring_is_told():
     """Of whose inertia the fit knows nothing: its period is 2 pi sqrt(M/K), M a twentieth of the layer's mass."""
     soft, stiff = (PARAMS.model_copy(update={"load_stiffness_ratio": ratio}) for ratio in (0.1, 1e4))
     mass = 0.05 * 0.8 * soft.density * soft.area * soft.layer[0]
@@ -106,8 +106,8 @@ def test_a_platen_that_swings_on_its_spring_is_told():
     for params, told in ((soft, True), (stiff, False), (PARAMS, False)):
         metrics = velocity_steps.analyse(response, params)
         for name in ("direct_effect", "evolution_effect", "slip_distance", "direct_effect_ageing"):
-            assert ("swings on its spring" in metrics[name].note) == told, (name, told)
-        assert "swings" not in (metrics["rate_dependence_steady"].note or "")
+            assert ("oscillates on its spring" in metrics[name].note) == told, (name, told)
+        assert "oscillates" not in (metrics["rate_dependence_steady"].note or "")
 
 
 @pytest.fixture(scope="module")
