@@ -85,7 +85,7 @@ def test_constant_volume_has_the_solid_fraction(tmp_path, more):
 
 @pytest.mark.validate
 def test_no_angular_grain_is_thrown_through_a_cell_in_single_precision(tmp_path):
-    # In this run features that had no normal one step before their contact once got an onset impulse that threw a grain.
+    # Features that had no normal one step before their contact once got an onset impulse, which threw a grain.
     given = {"shape": "angular", "dim": 3, "precision": "f32", "strain": 1.6}
     dataset = shear_cell.run(merge(shear_cell.Params, "smoke", options=given), tmp_path / "run")
     assert dataset.run_status == "complete" and float(dataset.deepest_overlap.max()) < 0.5
