@@ -2,6 +2,7 @@
 
 import pytest
 
+from taichi_lsm import data_path
 from taichi_lsm.core.errors import InputError
 from workflows.cli.main import main
 from workflows.common import parameter_files
@@ -11,6 +12,7 @@ from workflows.common.toml_reader import read_toml
 from workflows.sweep.plan import plan_of
 
 FOUND = find_workflows()
+SHIPPED = [p for p in sorted(data_path("effect_costs.json").parent.glob("*.toml")) if "experiment" in read_toml(p)]
 FILE = """
 experiment = "shear-gouge"
 preset = "smoke"
@@ -33,6 +35,15 @@ def planned(tmp_path):
         return plan_of(path, FOUND)
 
     return plan
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_the_files_that_pages_name_are_understood(path):
+    table = read_toml(path)
+    if "sweep" in table:
+        assert all(run.refusal == "" for run in plan_of(path, FOUND).runs)
+    else:
+        merge(FOUND[table["experiment"]].Params, None, path, experiment=table["experiment"])
 
 
 def test_every_point_has_its_parameters_and_every_replica_its_seed(planned):
