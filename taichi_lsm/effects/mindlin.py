@@ -182,7 +182,7 @@ class Mindlin(Effect):
         outer = displaced(at_first * per_limit, at_length * per_limit) + rest
         f = ti.select(leaves, limit * loaded(outer), f)
         first, second = ti.select(leaves, 0.0 * first, first), ti.select(leaves, 0.0 * second, second)
-        f, f_length = cut(f, limit)
+        f_length = length_of(f)
         contact.sliding |= ti.cast(f_length >= FULL * limit, ti.i32)
         if ti.static(axes == 1):
             contact.tangential_force -= f[0] * ti.Vector([-n[1], n[0]])
