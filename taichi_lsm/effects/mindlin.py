@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..core.elementary import at_least, at_most, cube_root
 from ..core.runtime import ti
 from .base import Bodies, Effect, HistoryValue, SceneFacts, check_elastic_constants, finite, require
 from .tangential_spring import transported
@@ -14,26 +15,39 @@ FULL = 1.0 - 1.0e-6  # of the limit: from here on a contact counts as sliding
 
 
 @ti.func
-def shortened(v, most):
-    """Vector v, no longer than `most`."""
-    return v * ti.min(1.0, most / ti.max(v.norm(), TINY))
+def length_of(v):
+    """Length of a tangential vector, of one component in 2D."""
+    if ti.static(v.n == 1):
+        return ti.abs(v[0])
+    else:
+        return ti.sqrt(v.dot(v))
+
+
+@ti.func
+def cut(v, most):
+    """(vector v, no longer than `most`; its length)."""
+    length = length_of(v)
+    return v * at_most(most / at_least(length, TINY), 1.0), at_most(length, most)
 
 
 @ti.func
 def loaded(y):
     """Force over its limit in a displacement y, over the one at which all of the contact slips: 1 - (1 - |y|)^1.5.
 
-    Written so that nothing cancels: with s = sqrt(1 - |y|) it is |y| (1 + s + s^2)/(1 + s).
+    Written so that nothing cancels: with s = sqrt(1 - |y|) it is |y| (1 + s + s^2)/(1 + s); beyond |y| = 1 it is 1.
     """
-    y = shortened(y, 1.0)
-    stuck = ti.sqrt(ti.max(0.0, 1.0 - y.norm()))
-    return y * ((1.0 + stuck + stuck * stuck) / (1.0 + stuck))
+    length = length_of(y)
+    stuck = ti.sqrt(at_least(1.0 - length, 0.0))
+    return y * ((1.0 + stuck + stuck * stuck) / ((1.0 + stuck) * at_least(length, 1.0)))
 
 
 @ti.func
-def displaced(f):
-    """The inverse of `loaded`: with p = (1 - |f|)^(1/3), the stuck part of the radius, |f| (1 + p)/(1 + p + p^2)."""
-    p = ti.pow(ti.max(0.0, 1.0 - f.norm()), 1.0 / 3.0)
+def displaced(f, length):
+    """The inverse of `loaded`: with p = (1 - |f|)^(1/3), the stuck part of the radius, |f| (1 + p)/(1 + p + p^2).
+
+    length: |f|.
+    """
+    p = cube_root(at_least(1.0 - length, 0.0))
     return f * ((1.0 + p) / (1.0 + p + p * p))
 
 
@@ -123,7 +137,7 @@ class Mindlin(Effect):
         n = contact.normal
         axes = ti.static(1 if n.n == 2 else 3)
         k = self.g_[0] * ti.sqrt(contact.reduced_radius * contact.depth)
-        limit = self.mu_[0] * ti.max(0.0, contact.normal_force)
+        limit = self.mu_[0] * at_least(contact.normal_force, 0.0)
         f_old, first, second = self.remembered(history, 0), self.remembered(history, 1), self.remembered(history, 2)
         stored = self.contact_energy(contact, history)
         step = f_old
@@ -135,43 +149,48 @@ class Mindlin(Effect):
             first, second = transported(first, n, contact), transported(second, n, contact)
         # Where the contact area has shrunk, the force falls with k_t; growth leaves it, and the limit cuts all three.
         compliance = history[3 * axes] * history[3 * axes]
-        fall = ti.select(compliance > 0.0, ti.min(1.0, k * compliance), 1.0)
-        f = shortened(fall * f_old, limit)
-        first, second = shortened(fall * first, limit), shortened(fall * second, limit)
+        fall = ti.select(compliance > 0.0, at_most(k * compliance, 1.0), 1.0)
+        f, f_length = cut(fall * f_old, limit)
+        first, first_length = cut(fall * first, limit)
+        second, second_length = cut(fall * second, limit)
         # 0: first loading, 1: on the way back from the first turning point, 2: from the second towards the first
-        level = ti.select(first.norm() > 0.0, ti.select(second.norm() > 0.0, 2, 1), 0)
+        on_0 = first_length <= 0.0
+        on_2 = (first_length > 0.0) & (second_length > 0.0)
         # A slip against the present direction of loading is a new turning point; the third and later ones are not kept.
-        reverses = step.dot(f - ti.select(level == 2, second, first)) < 0.0
-        if reverses and level < 2:
-            second = ti.select(level == 1, f, second)
-            first = ti.select(level == 0, f, first)
-            level += 1
+        turns = (step.dot(f - ti.select(on_2, second, first)) < 0.0) & (on_2 == 0)
+        second = ti.select(turns & (on_0 == 0), f, second)
+        first, first_length = ti.select(turns & on_0, f, first), ti.select(turns & on_0, f_length, first_length)
+        on_2, on_0 = on_2 | (turns & (on_0 == 0)), on_0 & (turns == 0)
         # Along the curve of the level: displacement y of the force from its origin, both over those of full slip.
-        origin = ti.select(level == 2, second, first)
-        size = ti.max(ti.select(level == 0, 1.0, 2.0) * limit, TINY)
-        y_old = displaced((f - origin) / size)
-        y = y_old + step * (k / (1.5 * size))
-        # A closed loop is forgotten: what is left of the step goes on along the curve outside it.
-        if level == 2 and y.dot(y_old) < 0.0:  # back beyond the second turning point: the rest of the step is level 1
-            f, origin, second = second, first, 0.0 * second
-            y_old = displaced((f - origin) / size)
-            y += y_old
-        f += size * (loaded(y) - loaded(y_old))
-        if level > 0 and f.norm() >= first.norm():  # beyond the first: the rest of the step is first loading again
-            f = shortened(f, first.norm())
-            rest = (y - displaced((f - origin) / size)) * (size / ti.max(limit, TINY))
-            y_old = displaced(f / ti.max(limit, TINY))
-            f += limit * (loaded(y_old + rest) - loaded(y_old))
-            first, second = 0.0 * first, 0.0 * second
-        f = shortened(f, limit)
-        contact.sliding |= ti.cast(f.norm() >= FULL * limit, ti.i32)
+        origin = ti.select(on_2, second, first)
+        per_limit = 1.0 / at_least(limit, TINY)
+        size, per_size = ti.select(on_0, limit, 2.0 * limit), ti.select(on_0, per_limit, 0.5 * per_limit)
+        from_origin = (f - origin) * per_size
+        y_old = displaced(from_origin, length_of(from_origin))
+        y = y_old + step * (k * per_size / 1.5)
+        # Back beyond the second turning point the loop is closed: the rest of the step is on level 1.
+        closes = on_2 & (y.dot(y_old) < 0.0)
+        between = (second - first) * per_size
+        y = ti.select(closes, y + displaced(between, length_of(between)), y)
+        origin, second = ti.select(closes, first, origin), ti.select(closes, 0.0 * second, second)
+        f = origin + size * loaded(y)
+        # Beyond the first turning point the outer loop is closed: the rest of the step is first loading again.
+        leaves = (on_0 == 0) & (length_of(f) >= first_length)
+        at_first, at_length = cut(f, first_length)
+        from_origin = (at_first - origin) * per_size
+        rest = 2.0 * (y - displaced(from_origin, length_of(from_origin)))
+        outer = displaced(at_first * per_limit, at_length * per_limit) + rest
+        f = ti.select(leaves, limit * loaded(outer), f)
+        first, second = ti.select(leaves, 0.0 * first, first), ti.select(leaves, 0.0 * second, second)
+        f_length = length_of(f)
+        contact.sliding |= ti.cast(f_length >= FULL * limit, ti.i32)
         if ti.static(axes == 1):
             contact.tangential_force -= f[0] * ti.Vector([-n[1], n[0]])
         else:
             contact.tangential_force -= f
         for axis in ti.static(range(axes)):
             history[axis], history[axes + axis], history[2 * axes + axis] = f[axis], first[axis], second[axis]
-        history[3 * axes] = ti.select(k > 0.0, 1.0 / ti.sqrt(ti.max(k, TINY)), 0.0)
+        history[3 * axes] = ti.select(k > 0.0, 1.0 / ti.sqrt(at_least(k, TINY)), 0.0)
         return 0.5 * (f_old + f).dot(step) + stored - self.contact_energy(contact, history)
 
     @ti.func

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from ..core.elementary import at_most
 from ..core.runtime import ti
 from .base import Bodies, Effect, HistoryValue, finite, require
+from .implicit_slip import slip_of_step
 from .tangential_spring import in_space, remember, slip_of, spring_of, square_of, stable_spring_step
 
-ITERATIONS = 12  # of Newton's method, at most
-SETTLED = 1e-13  # change of ln(V/V_0), relative, at which Newton's method ends
 TINY = 1e-30  # [m], a spring or a limit that is none, in single precision too
 INSTANT = 1e-20  # [s], in place of a step of no length
 
@@ -39,8 +39,8 @@ class RateAndStateFriction(Effect):
     -----
     V is the rate at which the spring of the contact gives way, and there is no stick: a contact at rest creeps. In
     each step k_t (xi_trial - V dt) = F_n mu(V, theta(V)) is solved for V, theta at the end of the step from its exact
-    evolution at constant V. A spring softer than (b - a) F_n/D_c slips unstably by itself, within a step. A contact
-    counts as sliding at V >= V_0.
+    evolution at constant V, by a fixed number of iterations with a bound on their error (`implicit_slip.py`). A spring
+    softer than b F_n/D_c may slip unstably by itself, within a step or a few. A contact counts as sliding at V >= V_0.
 
     The spring stores k_t xi^2/2; the work of slip is dissipated. Remembered: the spring xi, and the state as
     ln(V_0 theta/D_c). A new contact has theta = D_c/V_0: it is in the steady state of V_0. The stable step is that of
@@ -113,75 +113,6 @@ class RateAndStateFriction(Effect):
         return stable_spring_step(self.tangential_stiffness, bodies)
 
     @ti.func
-    def evolved(self, s, y, r):
-        """State s = ln(V_0 theta/D_c) after a step at V = V_0 e^y, and its slope in y; r = V_0 dt/D_c.
-
-        With x = V dt/D_c and phi = (1 - e^-x)/x the ageing law gives theta V_0/D_c -> e^(s - x) + r phi, the slip law
-        s -> s e^-x - y x phi. Where a sum would lose its smaller term to rounding, its series takes over.
-        """
-        x = r * ti.exp(y)  # V dt/D_c
-        left = ti.exp(-x)
-        phi = ti.select(x < 1e-2, 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))), (1.0 - left) / x)
-        result, slope = s, x
-        if ti.static(self.evolution == "ageing"):
-            old, new = ti.exp(s - x), r * phi
-            e = new / ti.max(old, TINY)
-            result = ti.select(e < 1e-3, s - x + e * (1.0 - e * (0.5 - e / 3.0)), ti.log(old + new))
-            slope = (r * (left - phi) - x * old) / (old + new)
-        else:
-            result = s * left - y * x * phi
-            slope = -x * left * (s + y) - x * phi
-        return result, slope
-
-    @ti.func
-    def strength(self, s, y):
-        """mu/a = asinh(e^power/2) at V = V_0 e^y in the state s, and its slope in y at constant s.
-
-        Written in t = e^-|power|, which neither overflows nor cancels, with a series where mu is nearly zero.
-        """
-        power = y + (self.mu_0_[0] + self.b_[0] * s) / self.a_[0]
-        t = ti.exp(-ti.abs(power))
-        root = ti.sqrt(0.25 + t * t)
-        above, below = power + ti.log(0.5 + root), ti.log(0.5 * t + ti.sqrt(1.0 + 0.25 * t * t))
-        below = ti.select(power < -6.0, 0.5 * t * (1.0 - t * t / 24.0), below)
-        slope = ti.select(power > 0.0, 0.5 / root, t / ti.sqrt(t * t + 4.0))
-        return ti.select(power > 0.0, above, below), slope
-
-    @ti.func
-    def slipped(self, size, limit, s, dt):
-        """(xi/size, new state, ln(V/V_0)) of a spring of trial length `size` [m]; limit = a F_n/k_t [m].
-
-        Newton's method for the logarithm of z(y) + V_0 dt e^y/limit = q, where z = mu/a and q = size/limit. It keeps a
-        bracket, for where b > a the state may make the left side fall with y; a step that leaves it goes to its middle.
-        """
-        q = size / limit
-        rate, r = self.V_0_[0] * dt / limit, self.V_0_[0] * dt / self.D_c_[0]
-        ln_q = ti.log(q)
-        # A bracket of y = ln(V/V_0): above, all motion is slip; below, the strongest state carries it all.
-        high = ln_q - ti.log(rate)
-        healed = ti.max(s, 0.0) + ti.log(1.0 + r)  # no evolution goes beyond
-        low = ti.select(q > 2.0, 0.5 * q - 0.5, ln_q) - (self.mu_0_[0] + self.b_[0] * healed) / self.a_[0]
-        low = ti.min(low, high - 0.7)
-        s_new, _ = self.evolved(s, low, r)
-        y = ti.select(q > 1.0, q, ln_q + 0.7) - (self.mu_0_[0] + self.b_[0] * s_new) / self.a_[0]
-        y = ti.max(low, ti.min(high, y))
-        step, change = 0, high - low
-        while step < ITERATIONS and ti.abs(change) > SETTLED * (1.0 + ti.abs(y)):
-            s_new, s_slope = self.evolved(s, y, r)
-            z, slope = self.strength(s_new, y)
-            slid = rate * ti.exp(y)
-            left = z + slid
-            low, high = ti.select(left > q, low, y), ti.select(left > q, y, high)
-            trial = y - left * ti.log(left / q) / (slope * (1.0 + self.b_[0] / self.a_[0] * s_slope) + slid)
-            y_new = ti.select(trial >= low and trial <= high, trial, 0.5 * (low + high))
-            change = y_new - y
-            y = y_new
-            step += 1
-        s_new, _ = self.evolved(s, y, r)
-        z, _ = self.strength(s_new, y)
-        return ti.min(1.0, z / q), s_new, y
-
-    @ti.func
     def on_contact(self, contact: ti.template(), history: ti.template()):
         """F_t -= k_t xi, xi shortened by the slip V dt that solves the equation; returns the work of that slip."""
         k_t = self.k_t_[0]
@@ -190,12 +121,16 @@ class RateAndStateFriction(Effect):
         trial = xi_old + slip_of(contact)
         last = ti.static(xi_old.n)  # the state follows the components of the spring
         size, dt = ti.max(ti.sqrt(trial.dot(trial)), TINY), ti.max(contact.dt, INSTANT)
-        share, s, y = self.slipped(size, ti.max(limit, TINY), history[last], dt)
-        xi = ti.select(limit > 0.0, share, 0.0) * trial
-        contact.sliding = ti.select(y >= 0.0, 1, 0)
+        a, unit = self.a_[0], ti.max(limit, TINY)
+        rate, r = self.V_0_[0] * dt / unit, self.V_0_[0] * dt / self.D_c_[0]
+        ageing = ti.static(self.evolution == "ageing")
+        q, s = size / unit, history[last]
+        w, z, s_new = slip_of_step(ageing, q, rate, r, s, self.mu_0_[0] / a, self.b_[0] / a)
+        xi = ti.select(limit > 0.0, at_most(z / q, 1.0), 0.0) * trial
+        contact.sliding = ti.select(w >= rate, 1, 0)
         contact.tangential_force -= in_space(contact, k_t * xi)
         remember(history, xi)
-        history[last] = ti.select(contact.touching == 1, s, 0.0)
+        history[last] = ti.select(contact.touching == 1, s_new, 0.0)
         # The slider has moved by trial - xi, under the mean of the old and the new force.
         return 0.5 * k_t * (xi_old + xi).dot(trial - xi)
 
