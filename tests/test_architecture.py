@@ -113,11 +113,13 @@ def test_workflows_use_public_names_alone():
 
 EFFECTS_IMPORT = {
     "taichi_lsm.core.allocation",
+    "taichi_lsm.core.elementary",
     "taichi_lsm.core.errors",
     "taichi_lsm.core.rotation",
     "taichi_lsm.core.runtime",
     "taichi_lsm.effects",
     "taichi_lsm.effects.base",
+    "taichi_lsm.effects.implicit_slip",
     "taichi_lsm.effects.tangential_spring",
 }
 

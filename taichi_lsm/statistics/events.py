@@ -45,16 +45,14 @@ def detect_events(
     An event holds a row whose platen velocity is beyond `onset` deviations above its median, and beyond the load
     velocity. From there it reaches to both sides as long as the velocity is beyond `end` deviations above the median
     and above the load velocity. The deviation is that of the rows between events: 1.48 times the median absolute
-    deviation, of which events that take less than a fifth of the rows change little.
+    deviation, of which events that take less than a fifth of the rows change little. It lies between two rows: where
+    it begins and ends within rows, its start is half a row early on average, its end half a row late, and the drop
+    smaller by what loading adds in a row. Slip and energies are those between the two rows.
 
     The drop is the stress at the onset less that at the end, each from the straight line through the 20 rows of loading
     before or after, or those that there are up to the next event. So noise does not make drops larger, as it does
     highest less lowest values. Its error is what the same two lines differ by at places without an event, so that it
     holds for correlated noise. Events that the data cut off at either end are left out.
-
-    An event lies between two rows: where it begins and ends within rows, its start is half a row early on average, its
-    end half a row late, and the drop smaller by what loading adds in a row. Slip and energies are those between the two
-    rows.
 
     Parameters
     ----------
@@ -76,9 +74,7 @@ def detect_events(
     Returns
     -------
     Dataset
-        Along event: start, end, duration, stress_drop, stress_drop_error, slip, peak_velocity, recurrence, each with
-        its unit. Attributes: the thresholds that were used, the noise of stress and velocity. Without an event it has
-        no rows.
+        Along event: the variables of MEANING. Attributes: the thresholds used, the noise of stress and velocity.
 
     Raises
     ------
@@ -94,8 +90,8 @@ def detect_events(
     high = max(median + onset * deviation, load_velocity)
     low = max(median + end * deviation, load_velocity)
     spans = _merged(_spans(v > low, v > high), gap)
-    noise, noise_of_lines = _noise_between(tau, spans), _noise_of_lines(t, tau, spans)
-    found = [_event(t, tau, v, spans, i, noise_of_lines) for i in range(len(spans))]
+    noise, of_lines = _noise_between(tau, spans), _noise_of_lines(t, tau, spans)
+    found = [_event(t, tau, v, spans, i, of_lines) for i in range(len(spans))]
     used = {"onset_velocity": high, "end_velocity": low, "velocity_noise": deviation, "stress_noise": noise}
     return _table([event for event in found if event["stress_drop"] > least_drop * noise], used)
 
