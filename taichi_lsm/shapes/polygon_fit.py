@@ -23,6 +23,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 MOST_ARCS = 1000  # of a corner
 LEAST_TURN = 1e-6  # rad: a corner that turns by less joins its two sides into one
+SIDE_HALF_WIDTH = float(np.radians(3.0))  # by how much a side turns to either side of its normal
 LARGEST_RADIUS = 10.0  # of an arc, in equivalent diameters, unless long sides need more
 SPANNING_RADIUS = 11.65  # likewise: sides that need more than this get it
 LARGEST_BULGE = 0.125  # of the width of the polygon: by how much a side may stand out
@@ -176,7 +177,7 @@ def regular_disc_of_arcs(n: int) -> ArcChain:
 def from_polygon(
     vertices: ArrayLike,
     corner_radius: float,
-    side_half_width: float = np.radians(3.0),
+    side_half_width: float = SIDE_HALF_WIDTH,
     arcs_per_corner: int = 1,
     *,
     largest_radius: float | None = None,
@@ -262,12 +263,17 @@ def _arcs_within(
     return breaks, radius
 
 
+def check_side_half_width(side_half_width: float) -> None:
+    """Refuse a half-width of the arcs of sides [rad] that is not between 0 and pi/2."""
+    if not 0 < side_half_width < 0.5 * np.pi:
+        raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
+
+
 def _check_fit(
     size: float, corner_radius: float, side_half_width: float, arcs_per_corner: int, largest_radius: float | None
 ) -> None:
     """Refuse parameters of `from_polygon` out of range, for a polygon of equivalent diameter `size`."""
-    if not 0 < side_half_width < 0.5 * np.pi:
-        raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
+    check_side_half_width(side_half_width)
     check_between("arcs_per_corner", arcs_per_corner, 1, MOST_ARCS)
     check_positive("corner_radius", corner_radius)
     if largest_radius is not None and not corner_radius <= largest_radius * size:

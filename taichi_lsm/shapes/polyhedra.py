@@ -239,7 +239,7 @@ def ellipsoid(axes: ArrayLike, faces: int = 60, corner_radius: float = 0.05) -> 
     return superellipsoid(axes, 2.0, faces, corner_radius)
 
 
-def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedron:
+def regular_polyhedron(faces: int, corner_radius: float = 0.05, *, flatness: float | None = None) -> BallPolyhedron:
     """A Platonic solid with rounded edges and vertices.
 
     Parameters
@@ -248,6 +248,8 @@ def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedro
         4, 6, 8, 12 or 20.
     corner_radius : float
         Dilation in equivalent diameters of the grain, above 0 and below 0.5; met to 1e-10.
+    flatness : float, optional
+        Radius of the balls of the faces, as of `from_planes`.
 
     Returns
     -------
@@ -273,15 +275,20 @@ def regular_polyhedron(faces: int, corner_radius: float = 0.05) -> BallPolyhedro
     if faces not in normals:
         raise InputError(f"faces = {faces}: must be one of {sorted(normals)}")
     n = normals[faces] / np.linalg.norm(normals[faces], axis=1, keepdims=True)
-    return rounded_polyhedron(n, np.ones(len(n)), corner_radius, f"regular polyhedron of {faces} faces")
+    name = f"regular polyhedron of {faces} faces"
+    return rounded_polyhedron(n, np.ones(len(n)), corner_radius, name, flatness)
 
 
-def rounded_polyhedron(n: NDArray, h: NDArray, corner_radius: float, name: str) -> BallPolyhedron:
+def rounded_polyhedron(
+    n: NDArray, h: NDArray, corner_radius: float, name: str, flatness: float | None = None
+) -> BallPolyhedron:
     """`from_planes` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE."""
+    if flatness is not None:
+        check_positive("flatness", flatness)
     middle, inscribed = deepest_point(n, h)
 
     def balls(asked: float) -> tuple[NDArray, NDArray]:
-        return _balls_of_planes(n, h, middle, asked)
+        return _balls_of_planes(n, h, middle, asked, flatness)
 
     asked = radius_for_corner(lambda asked: corner_of_balls(*balls(asked), asked), corner_radius, inscribed)
     return ball_polyhedron_and_frame(*balls(asked), asked, name)[0].normalised()

@@ -12,11 +12,11 @@ from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .corner_radius import radius_for_corner
 from .geometry import unit_normals
-from .input_checks import check_fewest_and_most
+from .input_checks import check_fewest_and_most, check_positive
 from .polygon_fit import arc_chain
 from .random_draws import check_request, closed_grains, slack_of
 
-FLATTEST = 5.0  # radius of a side's arc, in sizes of the ellipse
+FLATTEST = 5.0  # default radius of the arcs of the flattest sides, in sizes of the ellipse
 JITTER = 0.25  # of the distance of neighbouring sides: by how much their directions are moved
 
 
@@ -58,6 +58,8 @@ def random_polygons(
     sides: tuple[int, int] = (6, 10),
     elongation: float = 1.0,
     angularity: float = 1.0,
+    *,
+    flatness: float = FLATTEST,
 ) -> list[ArcChain]:
     """Irregular 2D grains whose sides touch an ellipse all round, two arcs for each side.
 
@@ -75,6 +77,8 @@ def random_polygons(
         Ratio of the axes of the ellipse, 1 to 4.
     angularity : float
         Share of the roundness that the sides give up to the corners, 0 to 1.
+    flatness : float
+        Greatest radius of the arc of a side in sizes of the ellipse, > 0.
 
     Returns
     -------
@@ -89,11 +93,12 @@ def random_polygons(
     Notes
     -----
     The curvature of a side is 1 - angularity times that of the roundest sides (1.25 times the radius of the least disc
-    that leaves the others their place), but never less than 1/5 of the inverse size of the ellipse. The sides touch at
-    even angles of the ellipse, moved by up to a quarter of their distance.
+    that leaves the others their place), but never less than the inverse of flatness times the size of the ellipse. The
+    sides touch at even angles of the ellipse, moved by up to a quarter of their distance.
     """
     check_request(count, elongation, angularity, corner_radius)
     check_fewest_and_most("sides", sides, 4)
+    check_positive("flatness", flatness)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, -1.0])
     slack = slack_of(angularity)
 
@@ -102,19 +107,22 @@ def random_polygons(
         m = int(rng.integers(sides[0], sides[1] + 1))
         u = unit_normals((np.arange(m) + rng.uniform() + rng.uniform(-JITTER, JITTER, m)) * 2.0 * np.pi / m)
         n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
-        fit = partial(_touching, axes * u, n, slack, name)
+        fit = partial(_touching, axes * u, n, slack, flatness, name)
         return fit(radius_for_corner(lambda asked: fit(asked).overlap_limit, corner_radius, axes[1]))
 
     request = f"{sides = }, {elongation = }, {angularity = }, {corner_radius = }"
     return closed_grains(draw, count, seed, "random polygon", request)
 
 
-def _touching(points: NDArray, normals: NDArray, slack: float, name: str, corner_radius: float) -> ArcChain:
+def _touching(
+    points: NDArray, normals: NDArray, slack: float, flatness: float, name: str, corner_radius: float
+) -> ArcChain:
     """The grain whose sides touch `points` with the radii that `slack` gives."""
-    return tangent_arcs(points, normals, _radii(points, normals, corner_radius, slack), corner_radius, name)
+    radius = _radii(points, normals, corner_radius, slack, flatness)
+    return tangent_arcs(points, normals, radius, corner_radius, name)
 
 
-def _radii(points: NDArray, normals: NDArray, corner_radius: float, slack: float) -> NDArray:
+def _radii(points: NDArray, normals: NDArray, corner_radius: float, slack: float, flatness: float) -> NDArray:
     """Radii (n,) of the sides: `slack` times the least disc that holds the points of all others, with the corners."""
     inset = points - corner_radius * normals
     away = inset - inset[:, None]
@@ -123,4 +131,4 @@ def _radii(points: NDArray, normals: NDArray, corner_radius: float, slack: float
     if np.any(drop <= 0):
         raise InputError("points: must be those of a convex body that holds the corner radius")
     least = (np.sum(away**2, axis=2) / drop).max(axis=1)
-    return np.minimum(slack * least, FLATTEST * np.ptp(points, axis=0).max()) + corner_radius
+    return np.minimum(slack * least, flatness * np.ptp(points, axis=0).max()) + corner_radius

@@ -19,6 +19,7 @@ from .input_checks import (
     check_at_least,
     check_corner_radius,
     check_fewest_and_most,
+    check_positive,
     random_generator,
 )
 from .polyhedra import FLATNESS, rounded_polyhedron
@@ -36,6 +37,8 @@ def random_polyhedra(
     faces: tuple[int, int] = (12, 20),
     elongation: float = 1.0,
     angularity: float = 1.0,
+    *,
+    flatness: float = FLATNESS,
 ) -> list[BallPolyhedron]:
     """Irregular 3D grains whose faces touch an ellipsoid all round.
 
@@ -53,6 +56,8 @@ def random_polyhedra(
         Longest over shortest axis of the ellipsoid, 1 to 4; the middle axis is their geometric mean.
     angularity : float
         Share of the roundness that the faces give up to the edges, 0 to 1.
+    flatness : float
+        Greatest radius of the ball of a face in sizes of the ellipsoid, > 0.
 
     Returns
     -------
@@ -67,11 +72,12 @@ def random_polyhedra(
     Notes
     -----
     The curvature of a face is 1 - angularity times that of the roundest faces (1.25 times the radius of the least ball
-    that leaves the others their place), but never less than 1/5 of the inverse size of the ellipsoid. Directions of the
-    faces are even over the sphere, moved by up to a quarter of their distance and rotated at random.
+    that leaves the others their place), but never less than the inverse of flatness times the size of the ellipsoid.
+    Directions of the faces are even over the sphere, moved by up to a quarter of their distance and rotated at random.
     """
     check_request(count, elongation, angularity, corner_radius)
     check_fewest_and_most("faces", faces, 6)
+    check_positive("flatness", flatness)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, 0.0, -1.0])
     slack = slack_of(angularity)
 
@@ -84,7 +90,7 @@ def random_polyhedra(
         n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
 
         def balls(dilation: float) -> tuple[NDArray, NDArray]:
-            return tangent_balls(axes * u, n, dilation, slack, FLATNESS)
+            return tangent_balls(axes * u, n, dilation, slack, flatness)
 
         dilation = radius_for_corner(lambda asked: corner_of_balls(*balls(asked), asked), corner_radius, axes[2])
         return ball_polyhedron(*balls(dilation), dilation, name=name)
@@ -100,6 +106,8 @@ def random_angular_polyhedra(
     faces: tuple[int, int] = (10, 18),
     max_aspect: float = 1.5,
     made: Callable[[int], None] | None = None,
+    *,
+    flatness: float | None = None,
 ) -> list[BallPolyhedron]:
     """Angular 3D grains: cells of a relaxed Voronoi tiling with rounded corners.
 
@@ -117,6 +125,8 @@ def random_angular_polyhedra(
         Cells are kept if the longest over the shortest axis of their ellipsoid of equal moments is below it; > 1.
     made : callable, optional
         Called with the number of shapes there are, after each one: a layer's take tens of seconds.
+    flatness : float, optional
+        Radius of the balls of the faces, as of `from_planes`.
 
     Returns
     -------
@@ -135,6 +145,8 @@ def random_angular_polyhedra(
     check_at_least("count", count, 0)
     check_corner_radius(corner_radius)
     check_fewest_and_most("faces", faces, 4)
+    if flatness is not None:
+        check_positive("flatness", flatness)
     if not max_aspect > 1:
         raise InputError(f"max_aspect = {max_aspect}: must be above 1")
     shapes: list[BallPolyhedron] = []
@@ -145,7 +157,8 @@ def random_angular_polyhedra(
             if len(shapes) == count:
                 break
             try:
-                shape = rounded_polyhedron(n, h, corner_radius, f"angular polyhedron {seed}-{len(shapes)}")
+                name = f"angular polyhedron {seed}-{len(shapes)}"
+                shape = rounded_polyhedron(n, h, corner_radius, name, flatness)
             except ValueError:  # too slender for the corner radius, or a sliver, on which any step of the fit may fail
                 continue
             # Second moments along the principal axes, which are as the squared axes of the ellipsoid of equal moments.

@@ -12,7 +12,7 @@ from .arc_chain import ArcChain
 from .base import rescaled
 from .geometry import cross_2d, deepest_point
 from .input_checks import Seed, check_at_least, check_corner_radius, check_fewest_and_most
-from .polygon_fit import from_polygon
+from .polygon_fit import SIDE_HALF_WIDTH, check_side_half_width, from_polygon
 from .voronoi_tiles import polygon_measures, voronoi_tiles
 
 TILES_PER_BATCH = 256  # fixed, so that the first n shapes of a seed do not depend on how many are asked for
@@ -28,6 +28,8 @@ def random_angular_shapes(
     sides: tuple[int, int] = (5, 7),
     max_aspect: float = 1.5,
     made: Callable[[int], None] | None = None,
+    *,
+    side_half_width: float = SIDE_HALF_WIDTH,
 ) -> list[ArcChain]:
     """Angular 2D grains: relaxed Voronoi tiles with rounded corners.
 
@@ -45,6 +47,8 @@ def random_angular_shapes(
         Tiles are kept if their aspect (`polygon_measures`) is below it; > 1.
     made : callable, optional
         Called with the number of shapes there are, after each one: a layer's take tens of seconds.
+    side_half_width : float
+        As of `from_polygon` [rad]; smaller ones make flatter sides.
 
     Returns
     -------
@@ -63,6 +67,7 @@ def random_angular_shapes(
     check_at_least("count", count, 0)
     check_corner_radius(corner_radius)
     check_fewest_and_most("sides", sides, 3)
+    check_side_half_width(side_half_width)
     if not max_aspect > 1:
         raise InputError(f"max_aspect = {max_aspect}: must be above 1")
     shapes: list[ArcChain] = []
@@ -74,7 +79,8 @@ def random_angular_shapes(
             if not (sides[0] <= measures.sides <= sides[1] and measures.aspect < max_aspect):
                 continue
             asked = corner_radius * measures.diameter
-            shape = _with_corner_radius(tile, corner_radius, asked, 1, f"angular {seed}-{len(shapes)}")
+            name = f"angular {seed}-{len(shapes)}"
+            shape = _with_corner_radius(tile, corner_radius, asked, 1, side_half_width, name)
             if shape is not None and abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
                 shapes.append(shape)
                 if made:
@@ -98,7 +104,7 @@ def _no_tile(sides: tuple[int, int], max_aspect: float, corner_radius: float) ->
 
 
 def _with_corner_radius(
-    polygon: NDArray, corner_radius: float, asked: float, arcs_per_corner: int, name: str
+    polygon: NDArray, corner_radius: float, asked: float, arcs_per_corner: int, side_half_width: float, name: str
 ) -> ArcChain | None:
     """The fit to a polygon whose least radius is nearest to corner_radius after normalisation; None if none fits.
 
@@ -110,7 +116,7 @@ def _with_corner_radius(
     shape = None
     for _ in range(CORNER_STEPS):
         try:
-            shape = from_polygon(polygon, asked, arcs_per_corner=arcs_per_corner, name=name)
+            shape = from_polygon(polygon, asked, side_half_width, arcs_per_corner, name=name)
         except InputError:  # the polygon is convex, so the radius exceeds its inscribed radius
             return None
         if abs(shape.overlap_limit - corner_radius) <= CORNER_TOLERANCE:
@@ -119,7 +125,9 @@ def _with_corner_radius(
     return shape
 
 
-def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: int = 1) -> ArcChain:
+def regular_polygon(
+    sides: int, corner_radius: float = 0.05, arcs_per_corner: int = 1, *, side_half_width: float = SIDE_HALF_WIDTH
+) -> ArcChain:
     """A regular polygon with rounded corners.
 
     Parameters
@@ -130,6 +138,8 @@ def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: in
         Least radius in equivalent diameters of the grain, above 0 and below 0.5; see Notes.
     arcs_per_corner : int
         Number of equal arcs of each corner, >= 1.
+    side_half_width : float
+        As of `from_polygon` [rad]; smaller ones make flatter sides.
 
     Returns
     -------
@@ -144,16 +154,17 @@ def regular_polygon(sides: int, corner_radius: float = 0.05, arcs_per_corner: in
     Notes
     -----
     The corner radius is met to 1e-11, but for triangles with sharp corners: their sides are arcs that turn by 6 degrees
-    with at most 10 equivalent diameters, too round for a corner radius below 0.0771. `overlap_limit` of the shape is
-    the least radius that came out.
+    with at most 10 equivalent diameters, too round for a corner radius below 0.0771, unless `side_half_width` is
+    smaller. `overlap_limit` of the shape is the least radius that came out.
     """
     check_at_least("sides", sides, 3)
     check_corner_radius(corner_radius)
     check_at_least("arcs_per_corner", arcs_per_corner, 1)
+    check_side_half_width(side_half_width)
     angle = 2.0 * np.pi * np.arange(sides) / sides
     corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     name = f"regular polygon of {sides} sides"
-    shape = _with_corner_radius(corners, corner_radius, corner_radius, arcs_per_corner, name)
+    shape = _with_corner_radius(corners, corner_radius, corner_radius, arcs_per_corner, side_half_width, name)
     if shape is None:
         raise InputError(f"corner_radius = {corner_radius}: too large for a regular polygon of {sides} sides")
     return shape

@@ -6,7 +6,7 @@ import pytest
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes.ellipses import unit_normals
-from taichi_lsm.shapes.random_polygons import tangent_arcs
+from taichi_lsm.shapes.random_polygons import FLATTEST, tangent_arcs
 
 EVEN = unit_normals(np.linspace(0.0, np.pi, 361))
 
@@ -38,6 +38,14 @@ def test_corners_take_over_with_angularity():
     assert share[0] < 0.25 < share[1] < 0.75 < share[2]
 
 
+def test_sides_are_as_flat_as_asked():
+    """In sizes of the ellipse, to which the equivalent disc is nearly in the same ratio; the corners stay."""
+    for flat, usual in zip(lsm.shapes.random_polygons(3, 2, flatness=100.0), lsm.shapes.random_polygons(3, 2)):
+        assert flat.radius.max() / usual.radius.max() == pytest.approx(100.0 / FLATTEST, rel=0.03)
+        assert usual.radius.max() == pytest.approx(FLATTEST, rel=0.1)
+        assert flat.overlap_limit == pytest.approx(0.05, abs=2e-10)
+
+
 def test_a_square_of_arcs_is_that_of_its_discs():
     """Four discs of radius 3 that touch (1, 0) and so on: the corner is where two of them meet, rounded by 0.1."""
     axes = unit_normals(0.5 * np.pi * np.arange(4))
@@ -65,6 +73,7 @@ def test_shapes_of_a_seed_do_not_depend_on_the_count():
         ("elongation", 4.1),
         ("angularity", -0.1),
         ("angularity", 1.1),
+        ("flatness", 0.0),
     ],
 )
 def test_what_is_out_of_range_is_refused(field, value):

@@ -72,6 +72,16 @@ def test_angularity_moves_the_curvature_of_faces_into_edges():
     assert largest > 0.8 * FLATNESS  # in equivalent diameters, which are nearly sizes here
 
 
+@pytest.mark.parametrize("make", [random_polyhedra, random_angular_polyhedra])
+def test_faces_are_as_flat_as_asked(make):
+    """In sizes of the body, which are a little more than its equivalent diameters; edges and vertices stay."""
+    (flat,), (usual,) = make(1, 4, flatness=100.0), make(1, 4)
+    assert flat.feature_radius.max() / usual.feature_radius.max() == pytest.approx(100.0 / FLATNESS, rel=0.1)
+    assert flat.dilation == pytest.approx(0.05, abs=1e-9)
+    with pytest.raises(InputError, match="flatness = "):
+        make(1, 4, flatness=0.0)
+
+
 def test_random_polyhedra_of_a_seed_do_not_depend_on_the_count():
     one, two = random_polyhedra(1, 5, faces=(8, 8)), random_polyhedra(2, 5, faces=(8, 8))
     assert np.array_equal(one[0].feature_centre, two[0].feature_centre) and one[0].name == two[0].name

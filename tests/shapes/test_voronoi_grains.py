@@ -50,6 +50,18 @@ def test_grains_are_angular_and_not_slender(shapes):
         assert corner_angle > 0.8 * 2 * np.pi  # nearly all of the turning happens in sharp corners
 
 
+def test_sides_are_as_flat_as_asked(shapes):
+    """The same tiles, whose sides turn by a tenth of what they turned: arcs of ten times the radius, nearly."""
+    flat = random_angular_shapes(3, seed=1, side_half_width=np.radians(0.3))
+    for a, b in zip(flat, shapes):
+        assert a.radius.max() / b.radius.max() == pytest.approx(10.0, rel=0.1)
+        assert a.overlap_limit == pytest.approx(0.05, abs=1e-9)
+    assert regular_polygon(3, side_half_width=np.radians(0.3)).overlap_limit == pytest.approx(0.05, abs=1e-9)
+    for make in (random_angular_shapes, regular_polygon):
+        with pytest.raises(InputError, match=r"side_half_width = 0.0: must be above 0"):
+            make(5, 0.05 if make is regular_polygon else 1, side_half_width=0.0)
+
+
 def test_deterministic_and_independent_of_the_count(shapes):
     again = random_angular_shapes(5, seed=1)
     for a, b in zip(shapes, again):
