@@ -39,6 +39,7 @@ EFFECT_SETS: dict[str, tuple[list, str | None]] = {
         [*FRICTIONAL, lsm.effects.RollingResistance(0.1, 0.01 * NORMAL_STIFFNESS)],
         "coulomb_friction",
     ),
+    "rolling_damping": ([*FRICTIONAL, lsm.effects.RollingDamping(0.5)], "coulomb_friction"),
     "velocity_weakening_friction": (
         [*DAMPED, lsm.effects.VelocityWeakeningFriction(FRICTION, 0.3, 1.0, TANGENTIAL_STIFFNESS)],
         "viscous_damping",

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..contact.error_flags import WALL
+from ..contact.pair_geometry import half_width
 from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
 from ..core.allocation import when_allocated, write
 from ..core.errors import InputError
@@ -216,6 +217,8 @@ class Walls:
         contact = forces.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
         if ti.static("reduced_radius" in forces.needs):
             contact.reduced_radius = radius
+        if ti.static("footprint" in forces.needs):
+            contact.footprint = half_width(radius, depth, g.radius[k])
         if ti.static("relative_angular_velocity" in forces.needs):
             contact.relative_angular_velocity = -ti.cast(g.angular_velocity[k], self.real)
         return contact, depth, arm, feature

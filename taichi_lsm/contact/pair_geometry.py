@@ -10,6 +10,16 @@ from .pair_storage import HAS_IMPULSE, PART_BASE
 from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
 
 
+@ti.func
+def half_width(reduced_radius, depth, bounding_radius):
+    """Half [m] of the width in which two outlines overlap: sqrt(2 R d), at most half of the bounding radius [m].
+
+    A circle of radius R stands out by x^2/(2 R) at the distance x from its lowest point. Where a side that is nearly
+    flat sinks in by more than it stands out, the overlap ends at its corners; the bound stands for them.
+    """
+    return ti.min(ti.sqrt(2.0 * reduced_radius * ti.max(depth, 0.0)), 0.5 * bounding_radius)
+
+
 @ti.data_oriented
 class PairGeometry:
     """Distances and overlaps of the pairs of the list.
@@ -76,6 +86,16 @@ class PairGeometry:
             a, b = self.parts_of(k, l, s)
             r_k, r_l = self.surface.radii(a, b, k, l, s)
         return r_k * r_l / (r_k + r_l)
+
+    @ti.func
+    def footprint(self, k, l, s, depth):
+        """Half [m] of the width in which the outlines of the grains of slot s overlap; depth [m]."""
+        g = self.grains
+        r_k, r_l = g.radius[k], g.radius[l]
+        if ti.static(self.spec.shaped):
+            a, b = self.parts_of(k, l, s)
+            r_k, r_l = self.surface.radii(a, b, k, l, s)
+        return half_width(r_k * r_l / (r_k + r_l), depth, ti.min(g.radius[k], g.radius[l]))
 
     @ti.func
     def shortest(self, k, l):

@@ -38,6 +38,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors; a 
     from .linear_elastic import LinearElastic as LinearElastic
     from .mindlin import Mindlin as Mindlin
     from .rate_and_state_friction import RateAndStateFriction as RateAndStateFriction
+    from .rolling_damping import RollingDamping as RollingDamping
     from .rolling_resistance import RollingResistance as RollingResistance
     from .velocity_weakening_friction import VelocityWeakeningFriction as VelocityWeakeningFriction
     from .viscous_damping import ViscousDamping as ViscousDamping

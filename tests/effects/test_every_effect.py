@@ -66,6 +66,7 @@ def random_contacts(rng, dim, touching=1):
         "relative_angular_velocity": rng.standard_normal((COUNT, axial_size(dim))),
         "reduced_radius": rng.uniform(0.1, 1.0, COUNT),
         "mass": 10 ** rng.uniform(-1, 1, COUNT),
+        "footprint": np.linspace(0.02, 0.2, COUNT) * touching,
         "dt": DT,
         "normal_force": SPRING * depth,
         "stiffness": SPRING,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taichi_lsm.effects import Bodies
-from tests.effects.test_every_effect import DEPTH, EFFECTS, random_contacts
+from tests.effects.test_every_effect import DEPTH, EFFECTS, SPRING, random_contacts
 from tests.helpers.effect_bench import COUNT, bench_of
 from tests.helpers.scenes import PRECISION
 
@@ -35,7 +35,8 @@ def setting(name):
         "depth": DEPTH,
         "approach": 0.0,
     }
-    inputs |= {"slip": 0.0, "relative_angular_velocity": 0.0, "reduced_radius": 0.5 * RADIUS, "stiffness": 0.0}
+    inputs |= {"slip": 0.0, "relative_angular_velocity": 0.0, "reduced_radius": 0.5 * RADIUS}
+    inputs["footprint"] = 0.5 * RADIUS  # the widest
     return effect, bench, inputs, mass
 
 
@@ -43,7 +44,9 @@ def stable_steps(effect, mass):
     """The effect's own bound for a pair of grains of each mass, with one contact each."""
     curved = np.sqrt(0.5 * RADIUS * 2.0 * DEPTH)  # no contact of these tests is deeper than 2 DEPTH
     known = [
-        Bodies(3, m, m * RADIUS**2 / ROTATION_FACTOR, ROTATION_FACTOR, 0.0, 1, 0.0, contact_radius_per_mass=curved / m)
+        Bodies(
+            3, m, m * RADIUS**2 / ROTATION_FACTOR, ROTATION_FACTOR, 0.0, 1, SPRING, contact_radius_per_mass=curved / m
+        )
         for m in mass
     ]
     return np.array([effect.stable_dt(bodies) for bodies in known])
