@@ -120,6 +120,7 @@ EFFECTS_IMPORT = {
     "taichi_lsm.effects",
     "taichi_lsm.effects.base",
     "taichi_lsm.effects.implicit_slip",
+    "taichi_lsm.effects.restitution",
     "taichi_lsm.effects.tangential_spring",
 }
 

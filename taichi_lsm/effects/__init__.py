@@ -48,7 +48,7 @@ MOST_PROBLEMS = 6  # that are told
 OTHER_KEYS = ("type", "effect", "kind")  # likewise, by mistake
 MOST_EFFECTS = 100  # of a scene: each is compiled
 _BASE = ("Bodies", "Effect", "HistoryValue", "contact_type", "effect_name", "finite", "require")
-_SHARED = ("base", "tangential_spring")  # modules that define no effect
+_SHARED = ("base", "implicit_slip", "restitution", "tangential_spring")  # modules that define no effect
 _HOME = dict.fromkeys(_BASE, "base") | {
     "".join(word.capitalize() for word in module.name.split("_")): module.name
     for module in pkgutil.iter_modules(__path__)

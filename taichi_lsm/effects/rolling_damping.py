@@ -7,8 +7,8 @@ import numpy as np
 
 from ..core.runtime import ti
 from .base import Bodies, Effect, HistoryValue, SceneFacts, finite, require
+from .restitution import damping_ratio_of
 from .tangential_spring import limited, remember
-from .viscous_damping import damping_ratio_of
 
 # Lever of the pressure of half of a footprint about its middle, over a: a parabola in 2D, a paraboloid in 3D.
 LEVER = {2: 3.0 / 8.0, 3: 16.0 / (15.0 * np.pi)}

@@ -57,3 +57,14 @@ def check_fewest_and_most(field: str, value: tuple[int, int], least: int) -> Non
     """Refuse a range of numbers of sides or faces that is empty or begins below `least`."""
     if len(value) != 2 or not least <= value[0] <= value[1]:
         raise InputError(f"{field} = {value}: must be (fewest, most) with {least} <= fewest <= most")
+
+
+def check_cells(
+    count: int, corner_radius: float, field: str, sides: tuple[int, int], fewest: int, max_aspect: float
+) -> None:
+    """Refuse what no cells of a tiling can meet; `field` names their `sides`, or faces, of which they have `fewest`."""
+    check_at_least("count", count, 0)
+    check_corner_radius(corner_radius)
+    check_fewest_and_most(field, sides, fewest)
+    if not max_aspect > 1:
+        raise InputError(f"max_aspect = {max_aspect}: must be above 1")

@@ -12,7 +12,7 @@ from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .corner_radius import radius_for_corner
 from .geometry import unit_normals
-from .input_checks import check_fewest_and_most, check_positive
+from .input_checks import check_fewest_and_most
 from .polygon_fit import arc_chain
 from .random_draws import check_request, closed_grains, slack_of
 
@@ -96,9 +96,8 @@ def random_polygons(
     that leaves the others their place), but never less than the inverse of flatness times the size of the ellipse. The
     sides touch at even angles of the ellipse, moved by up to a quarter of their distance.
     """
-    check_request(count, elongation, angularity, corner_radius)
+    check_request(count, elongation, angularity, corner_radius, flatness)
     check_fewest_and_most("sides", sides, 4)
-    check_positive("flatness", flatness)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, -1.0])
     slack = slack_of(angularity)
 

@@ -16,8 +16,7 @@ from .dilated_balls import ball_polyhedron, corner_of_balls, tangent_balls
 from .geometry import even_directions
 from .input_checks import (
     Seed,
-    check_at_least,
-    check_corner_radius,
+    check_cells,
     check_fewest_and_most,
     check_positive,
     random_generator,
@@ -75,11 +74,9 @@ def random_polyhedra(
     that leaves the others their place), but never less than the inverse of flatness times the size of the ellipsoid.
     Directions of the faces are even over the sphere, moved by up to a quarter of their distance and rotated at random.
     """
-    check_request(count, elongation, angularity, corner_radius)
+    check_request(count, elongation, angularity, corner_radius, flatness)
     check_fewest_and_most("faces", faces, 6)
-    check_positive("flatness", flatness)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, 0.0, -1.0])
-    slack = slack_of(angularity)
 
     def draw(rng: Generator, name: str) -> BallPolyhedron:
         """A grain of a random number of faces, whose normals are even over the ellipsoid but for jitter."""
@@ -90,7 +87,7 @@ def random_polyhedra(
         n = u / axes / np.linalg.norm(u / axes, axis=1, keepdims=True)
 
         def balls(dilation: float) -> tuple[NDArray, NDArray]:
-            return tangent_balls(axes * u, n, dilation, slack, flatness)
+            return tangent_balls(axes * u, n, dilation, slack_of(angularity), flatness)
 
         dilation = radius_for_corner(lambda asked: corner_of_balls(*balls(asked), asked), corner_radius, axes[2])
         return ball_polyhedron(*balls(dilation), dilation, name=name)
@@ -109,7 +106,7 @@ def random_angular_polyhedra(
     *,
     flatness: float | None = None,
 ) -> list[BallPolyhedron]:
-    """Angular 3D grains: cells of a relaxed Voronoi tiling with rounded corners.
+    """Angular 3D grains: cells of a relaxed Voronoi tiling, rounded; those too slender for the corners are left out.
 
     Parameters
     ----------
@@ -137,18 +134,10 @@ def random_angular_polyhedra(
     ------
     InputError
         If a parameter is out of range or no cell meets the request.
-
-    Notes
-    -----
-    Cells too slender to hold the corner radius are left out.
     """
-    check_at_least("count", count, 0)
-    check_corner_radius(corner_radius)
-    check_fewest_and_most("faces", faces, 4)
+    check_cells(count, corner_radius, "faces", faces, 4, max_aspect)
     if flatness is not None:
         check_positive("flatness", flatness)
-    if not max_aspect > 1:
-        raise InputError(f"max_aspect = {max_aspect}: must be above 1")
     shapes: list[BallPolyhedron] = []
     batch = barren = 0
     while len(shapes) < count:
@@ -157,8 +146,7 @@ def random_angular_polyhedra(
             if len(shapes) == count:
                 break
             try:
-                name = f"angular polyhedron {seed}-{len(shapes)}"
-                shape = rounded_polyhedron(n, h, corner_radius, name, flatness)
+                shape = rounded_polyhedron(n, h, corner_radius, f"angular polyhedron {seed}-{len(shapes)}", flatness)
             except ValueError:  # too slender for the corner radius, or a sliver, on which any step of the fit may fail
                 continue
             # Second moments along the principal axes, which are as the squared axes of the ellipsoid of equal moments.

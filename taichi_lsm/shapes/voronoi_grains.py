@@ -11,7 +11,7 @@ from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .base import rescaled
 from .geometry import cross_2d, deepest_point
-from .input_checks import Seed, check_at_least, check_corner_radius, check_fewest_and_most
+from .input_checks import Seed, check_at_least, check_cells, check_corner_radius
 from .polygon_fit import SIDE_HALF_WIDTH, check_side_half_width, from_polygon
 from .voronoi_tiles import polygon_measures, voronoi_tiles
 
@@ -31,7 +31,7 @@ def random_angular_shapes(
     *,
     side_half_width: float = SIDE_HALF_WIDTH,
 ) -> list[ArcChain]:
-    """Angular 2D grains: relaxed Voronoi tiles with rounded corners.
+    """Angular 2D grains: relaxed Voronoi tiles with rounded corners; tiles too slender to hold these are left out.
 
     Parameters
     ----------
@@ -59,17 +59,9 @@ def random_angular_shapes(
     ------
     InputError
         If a parameter is out of range or no tile meets the request.
-
-    Notes
-    -----
-    Tiles too slender to hold the corner radius are left out.
     """
-    check_at_least("count", count, 0)
-    check_corner_radius(corner_radius)
-    check_fewest_and_most("sides", sides, 3)
+    check_cells(count, corner_radius, "sides", sides, 3, max_aspect)
     check_side_half_width(side_half_width)
-    if not max_aspect > 1:
-        raise InputError(f"max_aspect = {max_aspect}: must be above 1")
     shapes: list[ArcChain] = []
     barren = batch = 0
     while len(shapes) < count:

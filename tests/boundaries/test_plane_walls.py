@@ -10,8 +10,8 @@ import pytest
 import taichi_lsm as lsm
 from taichi_lsm.contact import neighbour_search
 from taichi_lsm.effects.global_damping import GlobalDamping
+from taichi_lsm.effects.restitution import damping_ratio_of
 from taichi_lsm.effects.rolling_resistance import RollingResistance
-from taichi_lsm.effects.viscous_damping import damping_ratio_of
 from tests.helpers import scenes
 from tests.helpers.processes import run_module
 

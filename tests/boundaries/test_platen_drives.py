@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import taichi_lsm as lsm
-from taichi_lsm.effects.viscous_damping import damping_ratio_of
+from taichi_lsm.effects.restitution import damping_ratio_of
 from tests.helpers import scenes
 
 K, STRESS, LIMIT = 1.0e4, 200.0, 0.04

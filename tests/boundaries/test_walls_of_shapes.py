@@ -7,8 +7,8 @@ import taichi_lsm as lsm
 from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects.cohesion import Cohesion
 from taichi_lsm.effects.global_damping import GlobalDamping
+from taichi_lsm.effects.restitution import damping_ratio_of
 from taichi_lsm.effects.rolling_damping import RollingDamping
-from taichi_lsm.effects.viscous_damping import damping_ratio_of
 from tests.helpers import scenes
 
 G = 9.81

@@ -7,7 +7,7 @@ import taichi_lsm as lsm
 from taichi_lsm.core.rotation import advanced_orientation, rotate
 from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import contact_type
-from taichi_lsm.effects.viscous_damping import damping_ratio_of
+from taichi_lsm.effects.restitution import damping_ratio_of
 from tests.helpers import scenes
 from tests.helpers.sliders import Sliders
 

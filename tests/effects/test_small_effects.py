@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
-from taichi_lsm.effects.viscous_damping import damping_ratio_of
+from taichi_lsm.effects.restitution import damping_ratio_of
 from tests.helpers import scenes
 
 K, DENSITY = 1.0e6, 1000.0
