@@ -73,6 +73,7 @@ class Walls:
         fields = vars(allocate(WALL_ROWS, self.count, sizes))
         for name, field in {**fields, **vars(allocate(self.rows, self.count * capacity, sizes))}.items():
             setattr(self, name, field)
+        self.radius_factor = ti.field(self.real, self.count)
         self.marked = ti.field(ti.i32, capacity // BLOCK + 1)
         when_allocated(lambda: self._place(walls))
 
@@ -96,10 +97,12 @@ class Walls:
         self._place(walls)
 
     def _place(self, walls: Sequence[PlaneWall]) -> None:
-        """Write point, unit normal and velocity of each wall."""
+        """Write point, unit normal, velocity and stiffness of each wall."""
         write(self.point, [wall.point for wall in walls])
         write(self.normal, [np.asarray(wall.normal, float) / np.linalg.norm(wall.normal) for wall in walls])
         write(self.velocity, [np.broadcast_to(np.asarray(wall.velocity, float), self.dim) for wall in walls])
+        # Moduli at a rigid wall are twice those of like bodies; both go with the root of the radius.
+        write(self.radius_factor, [4.0 if wall.rigid else 1.0 for wall in walls])
 
     def mark_all(self) -> None:
         """Mark all blocks, so that the next sum visits every grain; for rows that were loaded from a file."""
@@ -215,7 +218,11 @@ class Walls:
             inverse_mass = forces.geometry.mobility(k, torque_of(arm, n))
         contact = forces.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
         if ti.static("reduced_radius" in forces.needs):
-            contact.reduced_radius = radius
+            if ti.static(not self.spec.local_radius):
+                radius = forces.geometry.equivalent_radius(k)
+            contact.reduced_radius = self.radius_factor[w] * radius
+        if ti.static("rolling_radius" in forces.needs):
+            contact.rolling_radius = forces.geometry.equivalent_radius(k)
         if ti.static("relative_angular_velocity" in forces.needs):
             contact.relative_angular_velocity = -ti.cast(g.angular_velocity[k], self.real)
         return contact, depth, arm, feature

@@ -69,13 +69,32 @@ class PairGeometry:
         return least
 
     @ti.func
+    def equivalent_radius(self, k):
+        """Radius [m] of the disc or the sphere as large as grain k."""
+        result = self.grains.radius[k]
+        if ti.static(self.spec.has_equivalent_radius):
+            result = self.grains.equivalent_radius[k]
+        return result
+
+    @ti.func
+    def rolling_radius(self, k, l):
+        """Reduced radius R_k R_l/(R_k + R_l) [m] of the equivalent radii."""
+        r_k, r_l = self.equivalent_radius(k), self.equivalent_radius(l)
+        return r_k * r_l / (r_k + r_l)
+
+    @ti.func
     def reduced_radius(self, k, l, s):
-        """Reduced radius R_k R_l/(R_k + R_l) [m] of the radii of curvature where the grains of slot s touch."""
-        r_k, r_l = self.grains.radius[k], self.grains.radius[l]
-        if ti.static(self.spec.shaped):
+        """Reduced radius [m] of the grains of slot s, or of the surfaces with which they touch if an effect wants it.
+
+        That of the grains is the same wherever they touch, so that a force which depends on it is the gradient of one
+        potential: see `Hertz`.
+        """
+        radius = self.rolling_radius(k, l)
+        if ti.static(self.spec.local_radius):
             a, b = self.parts_of(k, l, s)
             r_k, r_l = self.surface.radii(a, b, k, l, s)
-        return r_k * r_l / (r_k + r_l)
+            radius = r_k * r_l / (r_k + r_l)
+        return radius
 
     @ti.func
     def shortest(self, k, l):

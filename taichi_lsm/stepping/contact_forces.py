@@ -136,6 +136,8 @@ class ContactForces(EffectSet):
                 block.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
                 if ti.static("reduced_radius" in self.needs):
                     block.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
+                if ti.static("rolling_radius" in self.needs):
+                    block.rolling_radius[i] = self.geometry.rolling_radius(k, l)
                 if ti.static(self.spec.rotates):
                     block.radius_k[i], block.radius_l[i] = g.radius[k], g.radius[l]
                     put(block, "omega_k", i, ti.cast(g.angular_velocity[k], self.real))
@@ -167,6 +169,8 @@ class ContactForces(EffectSet):
         put(block, "velocity", i, v)
         if ti.static("reduced_radius" in self.needs):
             block.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
+        if ti.static("rolling_radius" in self.needs):
+            block.rolling_radius[i] = self.geometry.rolling_radius(k, l)
         if ti.static("relative_angular_velocity" in self.needs):
             relative = ti.cast(g.angular_velocity[l] - g.angular_velocity[k], self.real)
             put(block, "relative_angular_velocity", i, relative)
@@ -207,6 +211,8 @@ class ContactForces(EffectSet):
             contact.normal_change = normal_change
         if ti.static("reduced_radius" in self.needs):
             contact.reduced_radius = block.reduced_radius[i]
+        if ti.static("rolling_radius" in self.needs):
+            contact.rolling_radius = block.rolling_radius[i]
         if ti.static("relative_angular_velocity" in self.needs):
             if ti.static(self.spec.shaped):
                 relative = get(block, "relative_angular_velocity", i, self.rotation_size)
