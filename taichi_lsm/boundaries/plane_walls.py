@@ -271,7 +271,12 @@ class Walls:
                 if touching != previous_status & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
                     inverse_effective_mass = forces.geometry.mobility(k, torque_of(arm, contact.normal))
-                    size, lost = forces.correction.impulse(touching, depth, last, earlier, inverse_effective_mass, dt)
+                    reduced_radius = 0.0 * depth
+                    if ti.static("reduced_radius" in forces.needs):
+                        reduced_radius = contact.reduced_radius
+                    size, lost = forces.correction.impulse(
+                        touching, depth, last, earlier, inverse_effective_mass, reduced_radius, dt
+                    )
                     if size != 0.0:
                         forces.add_lost_at_onset(k, lost)
                         status += HAS_IMPULSE

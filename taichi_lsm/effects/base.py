@@ -49,8 +49,9 @@ on_contact(contact, history) -> energy dissipated in this step [J]
     arguments are `ti.template()`; without a history the second one is 0.
 contact_energy(contact, history) -> energy that the contact stores now [J]
     Contact phases; whenever energies are measured. Without it the effect stores none.
-onset_impulse(speed, acceleration, fraction, dt) -> impulse [N s], repulsive
-    Phase "normal"; in the step in which a contact begins or ends, see below.
+onset_impulse(contact, speed, acceleration, fraction, dt) -> impulse [N s], repulsive
+    Phase "normal"; in the step in which a contact begins or ends, see below. Of the contact only inputs of `OPTIONAL`
+    about radii are set.
 on_grain(inverse_mass, force)
     Phase "body"; once per step and mobile grain. Adds to `force` [N], a `ti.template()`; inverse_mass [kg-1].
 grain_energy(inverse_mass, position) -> potential energy [J]

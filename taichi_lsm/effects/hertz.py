@@ -5,8 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..core.hurwitz_zeta import hurwitz_zeta
 from ..core.runtime import ti
 from .base import Bodies, Effect, SceneFacts, check_elastic_constants, require
+
+zeta = ti.func(hurwitz_zeta)
 
 
 @ti.data_oriented
@@ -92,6 +95,16 @@ class Hertz(Effect):
     def contact_energy(self, contact, history):
         """Energy (8/15) E* sqrt(R) d^2.5 [J]."""
         return 4.0 / 15.0 * self.tangent_stiffness(contact) * contact.depth * contact.depth
+
+    @ti.func
+    def onset_impulse(self, contact, speed, acceleration, fraction, dt):
+        """-c (u zeta(-3/2, a) + 3/4 alpha dt zeta(-5/2, a)) dt^(5/2) sqrt(u) [N s], c = (4/3) E* sqrt(R).
+
+        Of the force c (u t + alpha t^2/2)^1.5 = c u^1.5 (t^1.5 + 3/4 alpha/u t^2.5 + ...) of the speed u, acceleration
+        alpha, fraction a.
+        """
+        factor = 4.0 / 3.0 * self.e_[0] * ti.sqrt(contact.reduced_radius * speed * dt) * dt * dt
+        return -factor * (speed * zeta(1.5, fraction) + 0.75 * acceleration * dt * zeta(2.5, fraction))
 
     @ti.func
     def tangent_stiffness(self, contact):
