@@ -1,9 +1,11 @@
 """What `lsm list --effects` says of shapes and costs."""
 
 import re
+from pathlib import Path
 
 import pytest
 
+from benchmarks import effect_shapes, page
 from workflows.cli import inspect_run
 
 
@@ -20,6 +22,16 @@ def test_the_shapes_of_an_effect_are_those_that_scenes_accept(listed):
     local = "arc chains in 2D, cones in 2D, unions in 2D, ball-polyhedra in 3D, cones in 3D, unions in 3D"
     assert shapes.pop("hertz") == f"equivalent: all; local: all but {local}"
     assert len(shapes) > 10 and set(shapes.values()) == {"all"}
+
+
+def test_the_table_of_the_page_is_that_of_the_code():
+    """`python -m benchmarks.effect_shapes` writes it; a cell says that the effect works or which reason refuses it."""
+    table = effect_shapes.table()
+    text = Path(effect_shapes.PAGE).read_text(encoding="utf-8")
+    assert page.replaced(text, effect_shapes.NAME, table) == text
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines() if line[:3] == "| `"]
+    reasons = [f"refused ({line.split('.')[0]})" for line in table.splitlines() if re.match(r"\d+\. ", line)]
+    assert {cell for row in rows for cell in row[1:]} == {"works", *reasons} and reasons
 
 
 def test_costs_below_the_scatter_are_called_that(listed):
