@@ -182,6 +182,10 @@ class PairGeometry:
             if ti.static(self.spec.shaped):
                 a, b = self.parts_of(k, l, s)
                 depth, n, arm_k = self.surface.overlap(a, b, k, l, s, d)
+                # Patches that do not face each other are apart, however near they are.
+                if ti.static(self.spec.kind == "cones" and self.spec.reaches):
+                    if depth < 0.0 and not self.surface.faces(a, b, k, l, n):
+                        depth -= self.reach[None]
             else:
                 depth, n, at = sphere_overlap(d, r_k, r_l)
                 arm_k = at * n

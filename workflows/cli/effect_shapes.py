@@ -40,11 +40,15 @@ def _clump(dim: int) -> Any:
 
 
 def _cones() -> Any:
-    """Two caps of spheres that face up and down: a flattened sphere without its rim, in 3D, where cones never tile."""
+    """A ball that is flattened below: two caps of unequal radii, in 3D, where cones never tile all directions."""
+    rim, radius = 1.0, np.array([1.0, 1.1])
+    depth = np.sqrt(radius**2 - rim**2)  # of the centres beyond the plane of the rim
     axis = np.array([(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
-    half_angle, radius = np.full(2, 0.5 * np.pi), np.array([1.0, 1.2])
-    sphere = {"measure": np.pi / 6.0, "inertia": np.full(3, np.pi / 60.0)}
-    return lsm.shapes.from_patches(-0.5 * axis, radius, axis, half_angle, name="caps", **sphere)
+    height = 0.5 * np.sum(radius - depth)
+    volume = 4.0 / 3.0 * np.pi * rim**2 * height  # of an ellipsoid, nearly
+    inertia = 0.2 * volume * np.array([rim**2 + height**2] * 2 + [2.0 * rim**2])
+    body: dict[str, Any] = {"measure": volume, "inertia": inertia, "name": "flattened ball"}
+    return lsm.shapes.from_patches(-depth[:, None] * axis, radius, axis, np.arcsin(rim / radius), **body)
 
 
 def companions(effect: Any) -> list[Any]:
