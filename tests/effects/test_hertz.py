@@ -120,3 +120,19 @@ def test_local_radii_are_refused_where_they_jump_and_equivalent_ones_are_not():
         scenes.scene(one, [lsm.effects.Hertz(E, NU), lsm.effects.RollingResistance(0.1, 1.0)], shapes=[shape])
     for shape in (lsm.disc(), disc, pair, balls, lsm.shapes.from_chain(disc), lsm.sphere()):
         scenes.scene(np.zeros((1, shape.dim)), [local], shapes=[shape])
+
+
+def test_a_rigid_wall_needs_a_modulus_to_be_rigid_to():
+    wall = lsm.PlaneWall("floor", (0.0, -1.0), (0.0, 1.0), rigid=True)
+    with pytest.raises(lsm.InputError, match=r"wall 'floor': rigid = True, but no effect has a modulus"):
+        scenes.scene(np.zeros((1, 2)), [lsm.LinearElastic(1.0)], walls=[wall])
+    hertz = [lsm.effects.Hertz(E, NU)]
+    rigid, soft = (
+        scenes.scene(np.zeros((1, 2)), hertz, walls=[lsm.PlaneWall("floor", (0.0, -1.0), (0.0, 1.0), rigid=r)])
+        for r in (True, False)
+    )
+    # The bound is that of two like grains, of half the reduced radius and twice the mobility.
+    assert rigid.stable_dt() == pytest.approx(soft.stable_dt() * 2.0**-0.25, rel=1e-12)
+    wall.rigid = "yes"
+    with pytest.raises(lsm.InputError, match=r"wall 'floor': rigid = 'yes', must be True or False"):
+        scenes.scene(np.zeros((1, 2)), hertz, walls=[wall])
