@@ -259,8 +259,8 @@ class Scene:
     def contact_radii(self, mobile: NDArray, mass: NDArray) -> NDArray:
         """Radius of a contact over the grain's mass [m kg-1], for every mobile grain.
 
-        The contact is as deep as STIFFENING_DEPTH of the grain. The result is 0 unless an effect needs radii of
-        curvature.
+        The contact is as deep as STIFFENING_DEPTH of the grain, and its other body is the largest grain or a wall. The
+        result is 0 unless an effect needs the reduced radius.
 
         Parameters
         ----------
@@ -271,8 +271,14 @@ class Scene:
         """
         if not any("reduced_radius" in e.needs for e in self.effects):
             return np.zeros(1)
-        curved = np.array([g.patches()[1].max() for g in self.shapes])[self.shape_index] * self.diameter
-        reduced = curved * curved.max() / (curved + curved.max())
+        radius = self.per_grain("equivalent_radius")
+        if any(e.local_radius for e in self.effects):
+            radius = np.array([g.patches()[1].max() for g in self.shapes])[self.shape_index] * self.diameter
+        reduced = radius * radius.max() / (radius + radius.max())
+        # Two mobile grains oscillate with twice the stiffness over the mass, a grain at a rigid wall with once that of
+        # a reduced radius of four times its own.
+        if any(wall.rigid for wall in self.walls):
+            reduced = radius
         return (np.sqrt(reduced * STIFFENING_DEPTH * self.per_grain("bounding_radius")) / mass)[mobile]
 
     def stable_dt(self) -> float:

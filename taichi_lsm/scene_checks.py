@@ -14,12 +14,11 @@ from .boundaries.cell_servo import check_servo
 from .boundaries.periodic_cell import check_box, check_shear
 from .boundaries.platens import Platen
 from .boundaries.wall_setup import PlaneWall, check_walls
-from .contact.surface_kinds import CURVED, kind_of
+from .contact.surface_kinds import kind_of
 from .core.errors import InputError, finite
 from .core.fields import orientation_size, rotation_size
 from .effects.base import Effect
 from .shapes import GrainShape
-from .shapes.base import ConvexPart
 from .stepping.guards import Guards
 from .stepping.verlet import VelocityVerlet
 
@@ -177,28 +176,31 @@ def _check_effects(scene: Scene) -> None:
 
 
 def _check_shapes(scene: Scene) -> None:
-    """Shapes of this dimension, of one kind of surface, with the curvature that the effects need."""
+    """Shapes of this dimension, of one kind of surface, with one radius of curvature where an effect wants it."""
     wrong = [s.name for s in scene.shapes if s.dim != scene.dim]
     if wrong:
         raise InputError(f"Scene.shapes: {wrong[0]!r} is not a shape in {scene.dim}D")
-    kind = kind_of(scene.shapes)
-    curved = [e.name for e in scene.effects if "reduced_radius" in e.needs]
-    if curved and kind not in CURVED:
-        raise InputError(
-            f"Scene.effects: {curved} need one radius of curvature at the contact, which grains with {kind} "
-            f"surfaces do not have; shapes must be discs, spheres or arc chains"
-        )
-    stored = [e.name for e in scene.effects if e.radius_stored]
+    kind_of(scene.shapes)  # refuses shapes that cannot stand beside each other
+    local = [e.name for e in scene.effects if e.local_radius]
     # The radii of a polyhedron take a while: they are asked for only where an effect depends on them.
-    uneven = [s.name for s in scene.shapes if any(not _one_radius(part) for part in s.parts)] if stored else []
+    uneven = [s.name for s in scene.shapes if not _locally_even(s)] if local else []
     if uneven:
         raise InputError(
-            f"Scene.effects: {stored} store energy that depends on the radius of curvature, which jumps at the seams "
-            f"of {uneven[0]!r}: no step would conserve it; use LinearElastic with CoulombFriction, or discs and spheres"
+            f"Scene.effects: {local} with the local radius of curvature, which jumps at the seams of {uneven[0]!r} and "
+            f"is not defined on edges: no step would conserve the energy; use radius = 'equivalent'"
         )
 
 
-def _one_radius(part: ConvexPart) -> bool:
-    """Whether all patches of a convex part have one radius."""
-    radius = part.patches()[1]
+def _locally_even(shape: GrainShape) -> bool:
+    """Whether every surface point of each part has one radius of curvature, the same on all patches of the part."""
+    if shape.kind == "cones":  # patches that are not full spheres are pieces of one surface
+        radius, half_angle = shape.patches()[1], shape.patches()[3]
+        return bool(np.all(half_angle >= np.pi)) or _one_radius(radius)
+    if shape.kind == "polyhedron":  # more faces meet in edges
+        return all(part.patch_count == 1 for part in shape.parts)
+    return all(_one_radius(part.patches()[1]) for part in shape.parts)
+
+
+def _one_radius(radius: NDArray) -> bool:
+    """Whether all these radii are the same."""
     return bool(np.ptp(radius) <= UNIT_TOLERANCE * radius.max())

@@ -52,3 +52,5 @@ def load_state(sim: Any) -> None:
         state.diameter.from_numpy(scene.diameter)
         state.overlap_limit.from_numpy(scene.per_grain("overlap_limit"))
         sim.search.set_half_widths(scene.per_grain("half_width"))
+    if spec.has_equivalent_radius:
+        state.equivalent_radius.from_numpy(scene.per_grain("equivalent_radius"))

@@ -74,6 +74,7 @@ class Walls:
         fields = vars(allocate(WALL_ROWS, self.count, sizes))
         for name, field in {**fields, **vars(allocate(self.rows, self.count * capacity, sizes))}.items():
             setattr(self, name, field)
+        self.radius_factor = ti.field(self.real, self.count)
         self.marked = ti.field(ti.i32, capacity // BLOCK + 1)
         when_allocated(lambda: self._place(walls))
 
@@ -97,10 +98,12 @@ class Walls:
         self._place(walls)
 
     def _place(self, walls: Sequence[PlaneWall]) -> None:
-        """Write point, unit normal and velocity of each wall."""
+        """Write point, unit normal, velocity and stiffness of each wall."""
         write(self.point, [wall.point for wall in walls])
         write(self.normal, [np.asarray(wall.normal, float) / np.linalg.norm(wall.normal) for wall in walls])
         write(self.velocity, [np.broadcast_to(np.asarray(wall.velocity, float), self.dim) for wall in walls])
+        # Moduli at a rigid wall are twice those of like bodies; both go with the root of the radius.
+        write(self.radius_factor, [4.0 if wall.rigid else 1.0 for wall in walls])
 
     def mark_all(self) -> None:
         """Mark all blocks, so that the next sum visits every grain; for rows that were loaded from a file."""
@@ -217,6 +220,11 @@ class Walls:
         contact = forces.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
         if ti.static("reduced_radius" in forces.needs):
             contact.reduced_radius = radius
+            if ti.static(not self.spec.local_radius):
+                contact.reduced_radius = forces.geometry.equivalent_radius(k)
+            contact.reduced_radius *= self.radius_factor[w]
+        if ti.static("rolling_radius" in forces.needs):
+            contact.rolling_radius = forces.geometry.equivalent_radius(k)
         if ti.static("footprint" in forces.needs):
             contact.footprint = half_width(radius, depth, g.radius[k])
         if ti.static("relative_angular_velocity" in forces.needs):
@@ -267,7 +275,12 @@ class Walls:
                 if touching != previous_status & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
                     inverse_effective_mass = forces.geometry.mobility(k, torque_of(arm, contact.normal))
-                    size, lost = forces.correction.impulse(touching, depth, last, earlier, inverse_effective_mass, dt)
+                    reduced_radius = 0.0 * depth
+                    if ti.static("reduced_radius" in forces.needs):
+                        reduced_radius = contact.reduced_radius
+                    size, lost = forces.correction.impulse(
+                        touching, depth, last, earlier, inverse_effective_mass, reduced_radius, dt
+                    )
                     if size != 0.0:
                         forces.add_lost_at_onset(k, lost)
                         status += HAS_IMPULSE

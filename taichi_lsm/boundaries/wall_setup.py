@@ -23,12 +23,17 @@ class PlaneWall:
         Normal of the plane into the grains, of any length.
     velocity : tuple (dim,) or 0
         Constant velocity [m s-1]; along the plane it drags the grains. `Walls.set_velocity` changes it between runs.
+    rigid : bool
+        Whether the wall yields to no force: then E* = E/(1 - nu^2) and G* = E/(2 (1 + nu) (2 - nu)) of `Hertz` and
+        `Mindlin`, twice those of two like bodies. Else it is of the material of the grains. Springs of a given
+        stiffness (`LinearElastic`) have it at either.
     """
 
     name: str
     point: tuple
     normal: tuple
     velocity: tuple | float = 0.0
+    rigid: bool = False
 
 
 def check_walls(scene: Any) -> None:
@@ -43,7 +48,8 @@ def check_walls(scene: Any) -> None:
     ------
     InputError
         If a name is missing or not unique, a point, normal or velocity is not a finite vector, a normal is zero or
-        points along a periodic axis, a shape has no single deepest point, or a mobile grain starts beyond a wall.
+        points along a periodic axis, a shape has no single deepest point, a mobile grain starts beyond a wall, or a
+        wall is rigid to forces that know of no modulus.
     """
     names = [wall.name for wall in scene.walls]
     if len(set(names)) < len(names) or not all(names):
@@ -58,6 +64,12 @@ def check_walls(scene: Any) -> None:
             at_rest = name == "velocity" and value.shape == () and value == 0.0
             if not at_rest and (value.shape != (scene.dim,) or not np.isfinite(value).all()):
                 raise InputError(f"wall {wall.name!r}: {name} = {given!r}, must be {scene.dim} finite numbers")
+        if not isinstance(wall.rigid, bool | np.bool_):
+            raise InputError(f"wall {wall.name!r}: rigid = {wall.rigid!r}, must be True or False")
+        if wall.rigid and not any("reduced_radius" in effect.needs for effect in scene.effects):
+            raise InputError(
+                f"wall {wall.name!r}: rigid = True, but no effect has a modulus: must be False, or list Hertz"
+            )
         normal = np.asarray(wall.normal, float)
         if not np.linalg.norm(normal) > 0.0:
             raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must not be zero")

@@ -95,8 +95,7 @@ class ConeContact:
         g, t = self.grains, self.table
         q_k, q_l = ti.cast(g.orientation[k], self.real), ti.cast(g.orientation[l], self.real)
         depth, n, x = self.sphere_contact(a, b, k, l, d, q_k, q_l)
-        # Eqs. (4), (5): the normal must lie in the cones of both patches, each in its body frame.
-        faces = t.axis[a].dot(unrotate(q_k, n)) >= t.cosine[a] and -t.axis[b].dot(unrotate(q_l, n)) >= t.cosine[b]
+        faces = self.faces(a, b, k, l, n)
         limit = g.overlap_limit[k] + g.overlap_limit[l]
         if t.cosine[a] < -1.0 and t.cosine[b] < -1.0 and depth >= SPHERE_OVERLAP_LIMIT * limit:
             self.error_flags.report(OVERLAP, g.id[k], g.id[l])
@@ -106,6 +105,17 @@ class ConeContact:
         if not faces:
             depth = -ti.abs(depth)
         return depth, n, x
+
+    @ti.func
+    def faces(self, a, b, k, l, n):
+        """Whether patch a of grain k and patch b of grain l face each other along n, Eqs. (4), (5): 0 or 1.
+
+        The normal must lie in the cones of both, each in its body frame.
+        """
+        g, t = self.grains, self.table
+        n_k = unrotate(ti.cast(g.orientation[k], self.real), n)
+        n_l = unrotate(ti.cast(g.orientation[l], self.real), n)
+        return t.axis[a].dot(n_k) >= t.cosine[a] and -t.axis[b].dot(n_l) >= t.cosine[b]
 
     @ti.func
     def radii(self, a, b, k, l, s):

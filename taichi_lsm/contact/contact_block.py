@@ -72,7 +72,7 @@ def contact_block_type(spec: Any, needs: Iterable[str], channels: int, crosses_s
     scalars = ["depth", "inverse_mass"]
     vectors = {"branch": dim, "normal": dim, "velocity": dim, "force": dim, "lost": channels, "memory": spec.history}
     integers = ["slot", "previous_status", "near", "status"]
-    scalars += [name for name in ("reduced_radius", "footprint") if name in needs]
+    scalars += [name for name in ("reduced_radius", "rolling_radius", "footprint") if name in needs]
     # Spheres: arms follow from radii and depth, so that their stages need no arms; shaped grains store them.
     if not spec.shaped:
         scalars += ["radius_sum"]

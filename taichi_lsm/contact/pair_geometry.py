@@ -79,13 +79,32 @@ class PairGeometry:
         return least
 
     @ti.func
+    def equivalent_radius(self, k):
+        """Radius [m] of the disc or the sphere as large as grain k."""
+        result = self.grains.radius[k]
+        if ti.static(self.spec.has_equivalent_radius):
+            result = self.grains.equivalent_radius[k]
+        return result
+
+    @ti.func
+    def rolling_radius(self, k, l):
+        """Reduced radius R_k R_l/(R_k + R_l) [m] of the equivalent radii."""
+        r_k, r_l = self.equivalent_radius(k), self.equivalent_radius(l)
+        return r_k * r_l / (r_k + r_l)
+
+    @ti.func
     def reduced_radius(self, k, l, s):
-        """Reduced radius R_k R_l/(R_k + R_l) [m] of the radii of curvature where the grains of slot s touch."""
-        r_k, r_l = self.grains.radius[k], self.grains.radius[l]
-        if ti.static(self.spec.shaped):
+        """Reduced radius [m] of the grains of slot s, or of the surfaces with which they touch if an effect wants it.
+
+        That of the grains is the same wherever they touch, so that a force which depends on it is the gradient of one
+        potential: see `Hertz`.
+        """
+        radius = self.rolling_radius(k, l)
+        if ti.static(self.spec.local_radius):
             a, b = self.parts_of(k, l, s)
             r_k, r_l = self.surface.radii(a, b, k, l, s)
-        return r_k * r_l / (r_k + r_l)
+            radius = r_k * r_l / (r_k + r_l)
+        return radius
 
     @ti.func
     def footprint(self, k, l, s, depth):
@@ -96,6 +115,16 @@ class PairGeometry:
             a, b = self.parts_of(k, l, s)
             r_k, r_l = self.surface.radii(a, b, k, l, s)
         return half_width(r_k * r_l / (r_k + r_l), depth, ti.min(g.radius[k], g.radius[l]))
+
+    @ti.func
+    def put_lengths(self, needs: ti.template(), block: ti.template(), i, k, l, s):
+        """Put the lengths that effects need into contact i of a block, whose depth is there."""
+        if ti.static("reduced_radius" in needs):
+            block.reduced_radius[i] = self.reduced_radius(k, l, s)
+        if ti.static("rolling_radius" in needs):
+            block.rolling_radius[i] = self.rolling_radius(k, l)
+        if ti.static("footprint" in needs):
+            block.footprint[i] = self.footprint(k, l, s, block.depth[i])
 
     @ti.func
     def shortest(self, k, l):
@@ -183,6 +212,10 @@ class PairGeometry:
             if ti.static(self.spec.shaped):
                 a, b = self.parts_of(k, l, s)
                 depth, n, arm_k = self.surface.overlap(a, b, k, l, s, d)
+                # Patches that do not face each other are apart, however near they are.
+                if ti.static(self.spec.kind == "cones" and self.spec.reaches):
+                    if depth < 0.0 and not self.surface.faces(a, b, k, l, n):
+                        depth -= self.reach[None]
             else:
                 depth, n, at = sphere_overlap(d, r_k, r_l)
                 arm_k = at * n

@@ -9,7 +9,6 @@ from .cone_patches import ConeTable
 from .polyhedron_table import PolyhedronTable
 
 TABLES = {"chain": ChainTable, "polyhedron": PolyhedronTable, "cones": ConeTable}
-CURVED = ("sphere", "chain")  # kinds with one radius of curvature at every contact
 
 
 def kind_of(shapes: Sequence[Any]) -> str:

@@ -12,8 +12,8 @@ phase           When the effect acts. On contacts, in this order: "normal", "dam
 units           {parameter: UDUNITS string}, one entry per field of the dataclass.
 history         `HistoryValue`s kept per contact, zero in a new contact; may depend on the instance.
 needs           Names of optional inputs of a contact that this effect reads; see `OPTIONAL`.
-radius_stored   True if the energy that it stores depends on the reduced radius, which then may not jump at a seam:
-                scenes refuse it for grains of unequal arcs.
+local_radius    True if the reduced radius is to be that of the curvatures where the grains touch, which must not jump
+                at a seam: scenes refuse it for grains of unequal patches. Else it is that of the equivalent radii.
 adds_moment     True if it adds to `contact.contact_moment`.
 role            A scene may list one effect of each role, such as "friction"; "" if it may stand beside others.
 dissipates      True if it dissipates energy: it gets a channel of its own in the energy budget and in files.
@@ -49,8 +49,9 @@ on_contact(contact, history) -> energy dissipated in this step [J]
     arguments are `ti.template()`; without a history the second one is 0.
 contact_energy(contact, history) -> energy that the contact stores now [J]
     Contact phases; whenever energies are measured. Without it the effect stores none.
-onset_impulse(speed, acceleration, fraction, dt) -> impulse [N s], repulsive
-    Phase "normal"; in the step in which a contact begins or ends, see below.
+onset_impulse(contact, speed, acceleration, fraction, dt) -> impulse [N s], repulsive
+    Phase "normal"; in the step in which a contact begins or ends, see below. Of the contact only inputs of `OPTIONAL`
+    about radii are set.
 on_grain(inverse_mass, force)
     Phase "body"; once per step and mobile grain. Adds to `force` [N], a `ti.template()`; inverse_mass [kg-1].
 grain_energy(inverse_mass, position) -> potential energy [J]
@@ -103,11 +104,13 @@ PHASES = ("normal", "damping", "tangential", "cohesion", "body", "motion", "bond
 ON_CONTACTS = PHASES[:4]
 
 # Inputs that a contact has only if an effect of the scene `needs` them.
-# reduced_radius [m]: R_k R_l/(R_k + R_l) of the radii of curvature.
+# reduced_radius [m]: R* = R_k R_l/(R_k + R_l), so that a contact of Hertz has the radius sqrt(R* d). At a wall R of the
+# grain; at a rigid one four times that, for both moduli E* and G* are there twice those of two like grains.
+# rolling_radius [m]: R_k R_l/(R_k + R_l) of the equivalent radii, at a wall R of the grain.
 # footprint [m]: a = sqrt(2 R d), half of the width in which the outlines overlap, R the reduced radius of their
 # curvatures; at most a quarter of the lesser bounding diameter, for a side ends at its corners. 0 without a contact.
 # relative_angular_velocity [rad s-1]: of l against k, world frame.
-OPTIONAL = ("reduced_radius", "footprint", "relative_angular_velocity")
+OPTIONAL = ("reduced_radius", "rolling_radius", "footprint", "relative_angular_velocity")
 
 
 @dataclass(frozen=True)
@@ -157,8 +160,8 @@ class Bodies:
     bond_rate
         Bound on the square of the angular frequencies of the bonds [s-2]; 0 without bonds.
     contact_radius_per_mass
-        Greatest a/m of a mobile grain [m kg-1], with a = sqrt(R d) of the greatest reduced radius R that its surface
-        may meet and a depth d of a tenth of the grain; 0 unless an effect needs the reduced radius.
+        Greatest a/m of a mobile grain [m kg-1], with a = sqrt(R d) of the greatest reduced radius R that it may meet
+        and a depth d of a tenth of the grain; 0 unless an effect needs the reduced radius.
     """
 
     dim: int
@@ -209,7 +212,7 @@ def contact_type(dim: int, effects: Sequence["Effect"] = ()) -> Any:
     vector = ti.types.vector(dim, real)
     axial = ti.types.vector(1 if dim == 2 else 3, real)  # angular velocities and moments
     wanted = {name for effect in effects for name in effect.needs}
-    more = {name: real for name in ("reduced_radius", "footprint") if name in wanted}
+    more = {name: real for name in ("reduced_radius", "rolling_radius", "footprint") if name in wanted}
     more |= {"relative_angular_velocity": axial} if "relative_angular_velocity" in wanted else {}
     more |= {"contact_moment": axial} if any(effect.adds_moment for effect in effects) else {}
     more |= {"normal_change": vector} if dim == 3 else {}
@@ -238,7 +241,7 @@ class Effect:
     units: ClassVar[Mapping[str, str]] = {}
     history: tuple[HistoryValue, ...] = ()
     needs: ClassVar[tuple[str, ...]] = ()
-    radius_stored: ClassVar[bool] = False
+    local_radius: bool = False
     adds_moment: ClassVar[bool] = False
     role: ClassVar[str] = ""
     dissipates: ClassVar[bool] = False

@@ -60,4 +60,4 @@ class Gravity(Effect):
     @classmethod
     def cases(cls) -> list["Gravity"]:
         """Instances that the contract tests try."""
-        return [cls(acceleration=(0.0, -9.81))]
+        return [cls(acceleration=(0.0, -9.81)), cls(acceleration=(0.0, 0.0, -9.81))]

@@ -66,7 +66,7 @@ class LinearElastic(Effect):
         return 0.5 * self.k_[0] * contact.depth * contact.depth
 
     @ti.func
-    def onset_impulse(self, speed, acceleration, fraction, dt):
+    def onset_impulse(self, contact, speed, acceleration, fraction, dt):
         """-k (u dt^2 zeta(-1, a) + alpha dt^3 zeta(-2, a)/2) [N s] of the speed u, acceleration alpha, fraction a.
 
         The zeta functions are Bernoulli polynomials: zeta(-1, a) = -B_2(a)/2, zeta(-2, a) = -B_3(a)/3.

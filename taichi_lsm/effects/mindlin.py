@@ -67,9 +67,10 @@ class Mindlin(Effect):
 
     Notes
     -----
-    k_t = 8 G* a, a = sqrt(R d), G* = E/(4 (1 + nu) (2 - nu)). Slip begins at the rim of the contact and softens it:
-    F_0 = 0 and c = 1 at first, then the force at the last turning point and c = 2. The two outer turning points are
-    remembered; a loop within the inner loop goes back the way it came and has no hysteresis.
+    k_t = 8 G* a, a = sqrt(R d), G* = E/(4 (1 + nu) (2 - nu)), with R and the walls of `Hertz`. Slip begins at the rim
+    of the contact and softens it: F_0 = 0 and c = 1 at first, then the force at the last turning point and c = 2. The
+    two outer turning points are remembered; a loop within the inner loop goes back the way it came and has no
+    hysteresis.
 
     Exact for any slip along one line at constant F_n, with one loop inside another, and in full sliding. Otherwise an
     approximation: in 3D the curve is followed radially from F_0; if F_n grows the new contact area carries no force
@@ -92,7 +93,6 @@ class Mindlin(Effect):
     phase = "tangential"
     role = "friction"
     needs = ("reduced_radius",)
-    radius_stored = True
     dissipates = True
     equation = "dF_t = k_t (1 - |F_t - F_0|/(c mu F_n))^(1/3) du,  |F_t| <= mu F_n"
     units: ClassVar = {"coefficient": "1", "youngs_modulus": "Pa", "poissons_ratio": "1"}

@@ -13,7 +13,7 @@ from .tangential_spring import limited, remember, spring_of, square_of
 @ti.data_oriented
 @dataclass
 class RollingResistance(Effect):
-    """Resistance to rolling, M = -k_r theta, |M| <= mu_r R F_n, with 1/R = 1/R_k + 1/R_l.
+    """Resistance to rolling, M = -k_r theta, |M| <= mu_r R F_n, with 1/R = 1/R_k + 1/R_l of the equivalent radii.
 
     Parameters
     ----------
@@ -25,7 +25,8 @@ class RollingResistance(Effect):
     Warnings
     --------
     This is no substitute for shape. It lets round grains resist rolling, but gives them neither dilation nor
-    interlocking, and its coefficient is not measured on real grains. Scenes do not have it unless they list it.
+    interlocking, and its coefficient is not measured on real grains. Scenes do not have it unless they list it. On
+    angular grains, which resist rolling by their shape, it adds to that.
 
     Notes
     -----
@@ -43,7 +44,7 @@ class RollingResistance(Effect):
 
     phase = "tangential"
     role = "rolling resistance"
-    needs = ("reduced_radius", "relative_angular_velocity")
+    needs = ("rolling_radius", "relative_angular_velocity")
     adds_moment = True
     dissipates = True
     equation = "M = -k_r theta,  |M| <= mu_r R F_n"
@@ -71,7 +72,7 @@ class RollingResistance(Effect):
         if ti.static(n.n == 3):  # only rotation about axes in the contact plane is rolling
             rolling -= rolling.dot(n) * n
         trial = old + rolling * contact.dt
-        angle, _ = limited(trial, self.mu_[0] / k * contact.reduced_radius * contact.normal_force)
+        angle, _ = limited(trial, self.mu_[0] / k * contact.rolling_radius * contact.normal_force)
         contact.contact_moment -= k * angle
         remember(history, angle)
         # Rolling beyond the limit is trial - angle, under the mean of the old and the new moment.

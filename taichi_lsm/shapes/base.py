@@ -146,6 +146,12 @@ class GrainShape:
         raise NotImplementedError
 
     @cached_property
+    def equivalent_radius(self) -> float:
+        """Radius of the disc of equal area or the sphere of equal volume [diameter]; 1/2 for shapes of the library."""
+        root = np.sqrt if self.dim == 2 else np.cbrt
+        return 0.5 * float(root(2.0 * self.dim * self.measure / np.pi))
+
+    @cached_property
     def half_width(self) -> float:
         """Half the least distance of two parallel planes that hold the grain between them [diameter].
 

@@ -272,7 +272,7 @@ def _moments_3d(members: Sequence[ConvexShape]) -> tuple[float, NDArray, NDArray
     width = (high - low) / GRID
     axes = [low[i] + width[i] * (np.arange(GRID) + 0.5) for i in range(3)]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    inside = np.array([np.concatenate([_depth_in(m, chunk) > 0 for chunk in np.array_split(x, 64)]) for m in members])
+    inside = np.array([_inside(m, *axes) for m in members])
     joined, waiting = {0}, [0]  # parts reached from the first one through overlaps
     while waiting:
         here = waiting.pop()
@@ -286,6 +286,21 @@ def _moments_3d(members: Sequence[ConvexShape]) -> tuple[float, NDArray, NDArray
     cell = width.prod()
     measure, centroid = cell * len(x), x.mean(axis=0)
     return float(measure), centroid, cell * np.einsum("ki,kj->ij", x - centroid, x - centroid)
+
+
+def _inside(part: ConvexShape, x: NDArray, y: NDArray, z: NDArray) -> NDArray:
+    """Which points of a grid (len(x) len(y) len(z),) lie inside a convex part, of which 1000 planes tell.
+
+    A line along z enters and leaves a convex body once: at the last and the first plane that it crosses.
+    """
+    n = even_directions(1000)  # an even number: none is square to z
+    support, enters, leaves = part.support(n), n[:, 2] < 0.0, n[:, 2] > 0.0
+    result = np.zeros((len(x), len(y), len(z)), bool)
+    for i in range(len(x)):
+        height = (support - x[i] * n[:, 0] - np.outer(y, n[:, 1])) / n[:, 2]
+        low, high = height[:, enters].max(axis=1), height[:, leaves].min(axis=1)
+        result[i] = (z > low[:, None]) & (z < high[:, None])
+    return result.reshape(-1)
 
 
 def crossed_bars(arm_ratio: float = 3.0, corner_radius: float = 0.05) -> Union:

@@ -134,10 +134,7 @@ class ContactForces(EffectSet):
                 self.geometry.check_overlap_limit(k, l, block.depth[i])
                 put(block, "velocity", i, self.geometry.relative_velocity(k, l))
                 block.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
-                if ti.static("reduced_radius" in self.needs):
-                    block.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
-                if ti.static("footprint" in self.needs):
-                    block.footprint[i] = self.geometry.footprint(k, l, s, block.depth[i])
+                self.geometry.put_lengths(self.needs, block, i, k, l, s)
                 if ti.static(self.spec.rotates):
                     block.radius_k[i], block.radius_l[i] = g.radius[k], g.radius[l]
                     put(block, "omega_k", i, ti.cast(g.angular_velocity[k], self.real))
@@ -167,10 +164,7 @@ class ContactForces(EffectSet):
         block.inverse_mass[i] = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
         v, change = self.velocity_of_shapes(k, l, s, depth, n, arm_k, arm_l, dt)
         put(block, "velocity", i, v)
-        if ti.static("reduced_radius" in self.needs):
-            block.reduced_radius[i] = self.geometry.reduced_radius(k, l, s)
-        if ti.static("footprint" in self.needs):
-            block.footprint[i] = self.geometry.footprint(k, l, s, depth)
+        self.geometry.put_lengths(self.needs, block, i, k, l, s)
         if ti.static("relative_angular_velocity" in self.needs):
             relative = ti.cast(g.angular_velocity[l] - g.angular_velocity[k], self.real)
             put(block, "relative_angular_velocity", i, relative)
@@ -211,6 +205,8 @@ class ContactForces(EffectSet):
             contact.normal_change = normal_change
         if ti.static("reduced_radius" in self.needs):
             contact.reduced_radius = block.reduced_radius[i]
+        if ti.static("rolling_radius" in self.needs):
+            contact.rolling_radius = block.rolling_radius[i]
         if ti.static("footprint" in self.needs):
             contact.footprint = block.footprint[i]
         if ti.static("relative_angular_velocity" in self.needs):

@@ -71,6 +71,8 @@ class EffectSet:
         contact = self.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
         if ti.static("reduced_radius" in self.needs):
             contact.reduced_radius = self.geometry.reduced_radius(k, l, s)
+        if ti.static("rolling_radius" in self.needs):
+            contact.rolling_radius = self.geometry.rolling_radius(k, l)
         if ti.static("footprint" in self.needs):
             contact.footprint = self.geometry.footprint(k, l, s, depth)
         if ti.static("relative_angular_velocity" in self.needs):

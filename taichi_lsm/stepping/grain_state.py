@@ -68,6 +68,10 @@ def grain_variables(spec: Any) -> list[Variable]:
             row("overlap_limit", "", "real", "m", "least radius of curvature, which limits the overlap"),
             row("travel", "", "f64", "m", "upper bound of the path length of the farthest surface point so far"),
         ]
+    if spec.has_equivalent_radius:
+        rows.append(
+            row("equivalent_radius", "", "real", "m", "radius of the disc of equal area or sphere of equal volume")
+        )
     if spec.sheared:
         rows.append(row("shear_work", "", "f64", "J", "work of shearing the cell on the contacts of the own row"))
     if spec.cell_servo:

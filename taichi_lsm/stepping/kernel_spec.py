@@ -29,6 +29,8 @@ class KernelSpec:
     sheared : the cell is in homogeneous shear, or may be
     cell_servo : a servo moves the height of the cell
     reaches : an effect acts beyond touch
+    local_radius : an effect wants the radii of curvature where shaped grains touch
+    has_equivalent_radius : an effect wants the equivalent radii of shaped grains; those of spheres are their radii
     channels : number of effects whose dissipated energy is accounted for
     history : numbers that the effects remember of each pair
     effects : class names and variants of the effects
@@ -47,6 +49,8 @@ class KernelSpec:
     sheared: bool = False
     cell_servo: bool = False
     reaches: bool = False
+    local_radius: bool = False
+    has_equivalent_radius: bool = False
     channels: int = 0
     history: int = 0
     effects: tuple[tuple[str, str], ...] = ()
@@ -60,6 +64,8 @@ class KernelSpec:
         """The KernelSpec of a scene."""
         kind, effects = kind_of(scene.shapes), scene.effects
         shaped, bonded = kind != "sphere", scene.bonds is not None
+        needs = {name for e in effects for name in e.needs}
+        local_radius = any(e.local_radius for e in effects)
         return cls(
             dim=scene.dim,
             periodic=tuple(bool(p) for p in scene.periodic),
@@ -72,6 +78,9 @@ class KernelSpec:
             sheared=bool(scene.shear_rate) or scene.cell_servo is not None,
             cell_servo=scene.cell_servo is not None,
             reaches=scene.reach() > 0.0,
+            local_radius=shaped and local_radius,
+            has_equivalent_radius=shaped
+            and ("rolling_radius" in needs or ("reduced_radius" in needs and not local_radius)),
             channels=len(energy_channels(effects)) if scene.track_dissipation else 0,
             history=sum(e.history_size(scene.dim) for e in effects if e.phase in ON_CONTACTS),
             effects=tuple((type(e).__name__, e.variant) for e in effects),

@@ -15,13 +15,17 @@ GREATEST_KINK = 0.05  # change of the force in the step of a crossing, over the 
 
 @ti.data_oriented
 class OnsetCorrection:
-    """The impulses of one scene. geometry: PairGeometry; effects: those of contacts, in the order of their phases."""
+    """The impulses of one scene. geometry: PairGeometry; effects: those of contacts, in the order of their phases.
+
+    reduced_radius [m] in its functions is that of the contact, 0 where no effect needs it.
+    """
 
     def __init__(self, spec, geometry, effects, contact_type):
         self.spec, self.geometry, self.contact_type = spec, geometry, contact_type
         self.springs = [e for e in effects if hasattr(type(e), "onset_impulse")]
         self.along_normal = [e for e in effects if e.phase in ("normal", "damping")]
         self.damped = any(e.phase == "damping" for e in effects)
+        self.curved = any("reduced_radius" in e.needs for e in effects)
         self.grains = geometry.grains
         self.surface = geometry.surface if spec.shaped else None
         self.real = current().real
@@ -36,14 +40,31 @@ class OnsetCorrection:
         """
         last, earlier = self.depths_before(k, l, s, d, n, dt)
         inverse_effective_mass = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
-        impulse, lost = self.impulse(began, depth, last, earlier, inverse_effective_mass, dt)
+        reduced_radius = self.reduced_radius(k, l, s)
+        impulse, lost = self.impulse(began, depth, last, earlier, inverse_effective_mass, reduced_radius, dt)
         if ti.static(self.spec.shaped):
             if last == NO_NORMAL or earlier == NO_NORMAL:
                 impulse, lost = 0.0 * depth, 0.0 * depth
         return impulse, lost
 
     @ti.func
-    def impulse(self, began, depth, last, earlier, inverse_effective_mass, dt):
+    def reduced_radius(self, k, l, s):
+        """Reduced radius [m] of the contact in slot s, 0 where no effect needs it."""
+        radius = ti.cast(0.0, self.real)
+        if ti.static(self.curved):
+            radius = self.geometry.reduced_radius(k, l, s)
+        return radius
+
+    @ti.func
+    def contact_of_radius(self, reduced_radius):
+        """A contact of which only the reduced radius [m] is known."""
+        contact = self.contact_type(0)
+        if ti.static(self.curved):
+            contact.reduced_radius = reduced_radius
+        return contact
+
+    @ti.func
+    def impulse(self, began, depth, last, earlier, inverse_effective_mass, reduced_radius, dt):
         """`end_impulse` from the depths [m] now, a step ago (`last`) and two steps ago (`earlier`).
 
         inverse_effective_mass [kg-1]: acceleration of the depth per force. Speed and acceleration of the depth follow
@@ -54,20 +75,23 @@ class OnsetCorrection:
         acceleration = (u - (last - earlier) / dt) / dt
         if began == 0:  # the contact's own force fades within the step: it belongs to the acceleration of the last one
             u, inside = -u, last
-            acceleration += self.elastic_force(ti.max(last, 0.0)) * inverse_effective_mass
+            acceleration += self.elastic_force(ti.max(last, 0.0), reduced_radius) * inverse_effective_mass
         u, time = self.passage(inside, u, acceleration, dt)
         if u > 0.0 and time < dt:
+            contact = self.contact_of_radius(reduced_radius)
             for effect in ti.static(self.springs):
-                impulse += effect.onset_impulse(u, acceleration, time / dt, dt)
+                impulse += effect.onset_impulse(contact, u, acceleration, time / dt, dt)
             if ti.static(self.damped):
                 if began == 1:
                     # The force of a dashpot begins with a jump F at once: c t^0, corrected by -F dt zeta(0, fraction).
-                    jump = self.force_along_normal(0.0 * depth, u, inverse_effective_mass, dt)
+                    jump = self.force_along_normal(0.0 * depth, u, inverse_effective_mass, reduced_radius, dt)
                     damping_impulse = jump * (time - 0.5 * dt)
                     impulse += damping_impulse
                     lost = damping_impulse * u
-                elif self.force_along_normal(ti.max(last, 0.0), -u, inverse_effective_mass, dt) == 0.0:
-                    impulse = 0.0 * depth  # the force of a damped contact ends before the contact
+                else:
+                    end = self.force_along_normal(ti.max(last, 0.0), -u, inverse_effective_mass, reduced_radius, dt)
+                    if end == 0.0:
+                        impulse = 0.0 * depth  # the force of a damped contact ends before the contact
         return impulse, lost
 
     @ti.func
@@ -111,18 +135,18 @@ class OnsetCorrection:
         return speed, time
 
     @ti.func
-    def elastic_force(self, depth):
+    def elastic_force(self, depth, reduced_radius):
         """Force of the springs alone at this depth [N]."""
-        contact = self.contact_type(0)
+        contact = self.contact_of_radius(reduced_radius)
         contact.depth = depth
         for effect in ti.static(self.springs):
             effect.on_contact(contact, 0)
         return contact.normal_force
 
     @ti.func
-    def force_along_normal(self, depth, approach, inverse_effective_mass, dt):
+    def force_along_normal(self, depth, approach, inverse_effective_mass, reduced_radius, dt):
         """Force of springs and dashpots [N] at this depth [m] and approach [m s-1] of a contact without a past."""
-        contact = self.contact_type(0)
+        contact = self.contact_of_radius(reduced_radius)
         contact.touching, contact.depth, contact.approach = 1, depth, approach
         contact.mass, contact.dt = 1.0 / inverse_effective_mass, dt
         for effect in ti.static(self.along_normal):
@@ -147,7 +171,9 @@ class OnsetCorrection:
         impulse = 0.0 * n
         angular_impulse_k, angular_impulse_l = torque_of(n, impulse), torque_of(n, impulse)
         if fraction > LEAST_FRACTION and fraction < 1.0 and old_depth > 0.0:
-            f, old_f = self.elastic_force(depth) * n, self.elastic_force(old_depth) * old_normal
+            reduced_radius = self.reduced_radius(k, l, s)
+            f = self.elastic_force(depth, reduced_radius) * n
+            old_f = self.elastic_force(old_depth, reduced_radius) * old_normal
             if (f - old_f).norm() < GREATEST_KINK * f.norm():
                 scale = 0.5 * dt * (fraction - 1.0 + 1.0 / (6.0 * fraction))
                 impulse = scale * (f - old_f)

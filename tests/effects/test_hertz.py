@@ -102,19 +102,37 @@ def test_refusals():
             lsm.effects.Hertz(*arguments)
     with pytest.raises(lsm.InputError, match=r"of elasticity, one may be listed"):
         scenes.scene(np.zeros((1, 3)), [lsm.effects.Hertz(E, NU), lsm.LinearElastic(1.0)])
-    with pytest.raises(lsm.InputError, match=r"hertz.*radius of curvature.*polyhedron"):
-        scenes.scene(np.zeros((1, 3)), [lsm.effects.Hertz(E, NU)], shapes=[lsm.shapes.ball_of_faces(12, 0.1)])
+    with pytest.raises(lsm.InputError, match=r"Hertz.radius = 'nearest': must be 'equivalent' or 'local'"):
+        lsm.effects.Hertz(E, NU, radius="nearest")
 
 
-def test_unequal_arcs_are_refused_whose_seams_would_make_the_energy_jump():
+def test_local_radii_are_refused_where_they_jump_and_equivalent_ones_are_not():
     box = lsm.shapes.from_polygon([(0, 0), (2, 0), (2, 1), (0, 1)], 0.1)
     disc = lsm.shapes.regular_disc_of_arcs(30)
     pair = lsm.shapes.union([lsm.shapes.place_part(disc, (x, 0.0)) for x in (-0.3, 0.3)])
-    one = np.zeros((1, 2))
-    for shape in (box, lsm.shapes.crossed_bars()):
+    balls = lsm.shapes.clump([(-0.4, 0.0), (0.4, 0.0)], [1.0, 0.8])
+    uneven = (box, lsm.shapes.crossed_bars(), lsm.shapes.from_chain(box), lsm.shapes.ball_of_faces(12, 0.1))
+    for shape in uneven:
+        one, local = np.zeros((1, shape.dim)), lsm.effects.Hertz(E, NU, radius="local")
         for more in ([], [lsm.effects.Mindlin(0.3, E, NU)]):
-            with pytest.raises(lsm.InputError, match=r"hertz.*jumps at the seams.*LinearElastic"):
-                scenes.scene(one, [lsm.effects.Hertz(E, NU), *more], shapes=[shape])
-        scenes.scene(one, [lsm.LinearElastic(1.0), lsm.effects.RollingResistance(0.1, 1.0)], shapes=[shape])
-    for shape in (lsm.disc(), disc, pair):
-        scenes.scene(one, [lsm.effects.Hertz(E, NU)], shapes=[shape])
+            with pytest.raises(lsm.InputError, match=r"hertz.*local radius.*jumps at the seams.*'equivalent'"):
+                scenes.scene(one, [local, *more], shapes=[shape])
+        scenes.scene(one, [lsm.effects.Hertz(E, NU), lsm.effects.RollingResistance(0.1, 1.0)], shapes=[shape])
+    for shape in (lsm.disc(), disc, pair, balls, lsm.shapes.from_chain(disc), lsm.sphere()):
+        scenes.scene(np.zeros((1, shape.dim)), [local], shapes=[shape])
+
+
+def test_a_rigid_wall_needs_a_modulus_to_be_rigid_to():
+    wall = lsm.PlaneWall("floor", (0.0, -1.0), (0.0, 1.0), rigid=True)
+    with pytest.raises(lsm.InputError, match=r"wall 'floor': rigid = True, but no effect has a modulus"):
+        scenes.scene(np.zeros((1, 2)), [lsm.LinearElastic(1.0)], walls=[wall])
+    hertz = [lsm.effects.Hertz(E, NU)]
+    rigid, soft = (
+        scenes.scene(np.zeros((1, 2)), hertz, walls=[lsm.PlaneWall("floor", (0.0, -1.0), (0.0, 1.0), rigid=r)])
+        for r in (True, False)
+    )
+    # The bound is that of two like grains, of half the reduced radius and twice the mobility.
+    assert rigid.stable_dt() == pytest.approx(soft.stable_dt() * 2.0**-0.25, rel=1e-12)
+    wall.rigid = "yes"
+    with pytest.raises(lsm.InputError, match=r"wall 'floor': rigid = 'yes', must be True or False"):
+        scenes.scene(np.zeros((1, 2)), hertz, walls=[wall])

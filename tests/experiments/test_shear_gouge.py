@@ -81,8 +81,8 @@ BOND = {"name": "elastic_brittle_bond", "youngs_modulus": 1e9, "poissons_ratio":
 @pytest.mark.parametrize(
     ("values", "effect", "words"),
     [
-        ({"shape": "angular", "dim": 3}, HERTZ, "need one radius of curvature"),
-        ({"shape": "angular", "dim": 2}, HERTZ, "jumps at the seams"),
+        ({"shape": "angular", "dim": 3}, HERTZ | {"radius": "local"}, "not defined on edges"),
+        ({"shape": "angular", "dim": 2}, HERTZ | {"radius": "local"}, "jumps at the seams"),
         ({}, GRAVITY, "must be 2 numbers"),
         ({}, BOND, "bond"),
     ],

@@ -15,6 +15,7 @@ NUMBERS = (
     "approach",
     "normal_angular_velocity",
     "reduced_radius",
+    "rolling_radius",
     "footprint",
     "mass",
     "dt",
@@ -118,6 +119,8 @@ class Bench:
             contact.normal_change = self.normal_change[c]
         if ti.static("reduced_radius" in self.effect.needs):
             contact.reduced_radius = self.reduced_radius[c]
+        if ti.static("rolling_radius" in self.effect.needs):
+            contact.rolling_radius = self.rolling_radius[c]
         if ti.static("footprint" in self.effect.needs):
             contact.footprint = self.footprint[c]
         if ti.static("relative_angular_velocity" in self.effect.needs):

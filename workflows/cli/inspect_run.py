@@ -10,6 +10,7 @@ from typing import Any, cast
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, reason
+from workflows.cli.effect_shapes import shapes_text
 from workflows.cli.how_far import how_far
 from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameter_files import CONFIG
@@ -55,7 +56,7 @@ def print_effects() -> int:
         print(f"{name}: {first_line(effect)}")
         print(f"  equation    {effect.equation}")
         print(f"  phase       {effect.phase}")
-        print(f"  shapes      {_shapes_of(effect)}")
+        print(f"  shapes      {shapes_text(effect)}")
         for field in dataclasses.fields(cast(Any, effect)):
             given = "" if field.default is dataclasses.MISSING else f", default {field.default}"
             print(f"  parameter   {field.name} [{effect.units.get(field.name, '?')}]{given}")
@@ -66,15 +67,6 @@ def print_effects() -> int:
         print()
     print(f"Costs of scene {saved['about']['scene']}, on {saved['about']['machine']}: python -m benchmarks.effects")
     return 0
-
-
-def _shapes_of(effect: Any) -> str:
-    """The grains on which an effect can act, from what it needs to know of their surfaces."""
-    if effect.radius_stored:
-        return "discs and spheres, chains of equal arcs: its energy depends on the radius of curvature"
-    if "reduced_radius" in effect.needs:
-        return "discs, spheres and arc chains, which have one radius of curvature at the contact"
-    return "all"
 
 
 def _cost_of(name: str, saved: dict[str, dict]) -> str:
