@@ -115,6 +115,7 @@ EFFECTS_IMPORT = {
     "taichi_lsm.core.allocation",
     "taichi_lsm.core.elementary",
     "taichi_lsm.core.errors",
+    "taichi_lsm.core.hurwitz_zeta",
     "taichi_lsm.core.rotation",
     "taichi_lsm.core.runtime",
     "taichi_lsm.effects",

@@ -25,6 +25,7 @@ SETS = {
         lsm.LinearElastic(K),
         DAMPING,
         lsm.CoulombFriction(0.4, 0.5 * K),
+        lsm.effects.RollingDamping(0.5),
         lsm.effects.Cohesion(0.1, 0.01),
     ],
     "weakening": [

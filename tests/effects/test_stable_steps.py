@@ -35,7 +35,7 @@ def setting(name):
         "depth": DEPTH,
         "approach": 0.0,
     }
-    inputs |= {"slip": 0.0, "relative_angular_velocity": 0.0, "stiffness": 0.0}
+    inputs |= {"slip": 0.0, "relative_angular_velocity": 0.0}
     inputs |= dict.fromkeys(("reduced_radius", "rolling_radius"), 0.5 * RADIUS)
     inputs["footprint"] = 0.5 * RADIUS  # the widest
     return effect, bench, inputs, mass

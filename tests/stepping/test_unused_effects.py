@@ -7,7 +7,7 @@ import taichi_lsm
 from tests.helpers.processes import run_python
 
 PACKAGE = Path(taichi_lsm.__file__).parent
-USED = {"__init__", "base", "linear_elastic", "coulomb_friction", "viscous_damping", "tangential_spring"}
+USED = {"__init__", "base", "linear_elastic", "coulomb_friction", "viscous_damping", "tangential_spring", "restitution"}
 SCENE = """
 import hashlib
 import numpy as np
