@@ -108,7 +108,7 @@ class ElasticBrittleBond(Effect):
     friction_angle
         phi [rad], 0 < phi < pi/2: the tensile strength is c/tan(phi).
     radius_ratio
-        Radius R of a bond over the mean radius of its grains [1] > 0.
+        Radius R of a bond over the mean radius of its grains [1] > 0, unless `Scene.bond_area` gives its section.
 
     Notes
     -----
@@ -157,30 +157,35 @@ class ElasticBrittleBond(Effect):
         require(finite(ratio) and -1.0 < ratio <= 0.5, self, "poissons_ratio", ratio, "above -1 and at most 0.5")
         require(finite(angle) and 0.0 < angle < 0.5 * np.pi, self, "friction_angle", angle, "between 0 and pi/2 rad")
 
-    def bond_sections(self, radius: npt.NDArray, depth: float | None) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
-        """Sections of bonds as (A [m2], I/R [m3], J/R [m3]), each (m,).
+    def bond_radius(self, radius: npt.NDArray, area: npt.NDArray | None, depth: float | None) -> npt.NDArray:
+        """Radii R (m,) [m] of m bonds: of sections of this area (m,) [m2], by `radius_ratio` without them.
 
         radius (m,) [m]: mean of the two grains' radii; depth [m]: thickness of the scene in 2D, None in 3D.
         """
-        r = self.radius_ratio * radius
+        if area is None:
+            return self.radius_ratio * radius
+        return np.sqrt(area / np.pi) if depth is None else area / (2.0 * depth)
+
+    def bond_sections(self, r: npt.NDArray, depth: float | None) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+        """Sections of bonds of the radii r (m,) [m] as (A [m2], I/R [m3], J/R [m3]), each (m,); depth as above."""
         if depth is None:
             return np.pi * r**2, np.pi * r**3 / 4.0, np.pi * r**3 / 2.0
         return 2.0 * r * depth, 2.0 * r**2 * depth / 3.0, np.zeros_like(r)
 
-    def bond_stiffness(self, radius: npt.NDArray, length: npt.NDArray, depth: float | None = None) -> npt.NDArray:
+    def bond_stiffness(self, r: npt.NDArray, length: npt.NDArray, depth: float | None = None) -> npt.NDArray:
         """Stiffness k_n, k_s [N m-1], k_b, k_t [N m] of m bonds, as (m, 4).
 
-        radius (m,) [m]: mean of the two grains' radii; length (m,) [m]: distance of their centres; depth [m]: thickness
+        r (m,) [m]: radii of the bonds; length (m,) [m]: distance of the centres of their grains; depth [m]: thickness
         of the scene in 2D, None in 3D.
         """
-        area, bending, torsion = self.bond_sections(radius, depth)
-        r, shear = self.radius_ratio * radius, self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+        area, bending, torsion = self.bond_sections(r, depth)
+        shear = self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
         k = [self.youngs_modulus * area, shear * area, self.youngs_modulus * bending * r, shear * torsion * r]
         return np.stack(k, axis=1) / length[:, None]
 
-    def bond_strength(self, radius: npt.NDArray, depth: float | None = None) -> npt.NDArray:
+    def bond_strength(self, r: npt.NDArray, depth: float | None = None) -> npt.NDArray:
         """Strength F_n0, F_s0 [N], M_b0, M_t0 [N m] of m bonds, as (m, 4); arguments as of `bond_stiffness`."""
-        area, bending, torsion = self.bond_sections(radius, depth)
+        area, bending, torsion = self.bond_sections(r, depth)
         tensile = self.cohesion / np.tan(self.friction_angle)
         torque = torsion * self.cohesion if depth is None else np.full_like(area, np.inf)  # 2D bonds have no torsion
         return np.stack([area * tensile, area * self.cohesion, bending * tensile, torque], axis=1)

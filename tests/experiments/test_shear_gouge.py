@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
 from tests.helpers.output_files import check_described
@@ -36,8 +37,7 @@ def test_every_wrong_value_is_reported():
         ({"strain": 1.0, "steady_from": 1.0}, "steady_from"),
         ({"strain": 1.05, "steady_from": 1.0}, "needs 12 rows"),
         ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "stiffness_number"),
-        ({"shape": "sphere", "breakable": True}, "breakable needs shape angular dim 2"),
-        ({"shape": "angular", "dim": 3, "breakable": True}, "not shape angular dim 3"),
+        ({"shape": "sphere", "breakable": True}, "breakable needs shape angular, not shape round"),
         ({"dim": 3, "platen_roughness": 1.5}, "platen_roughness 1.5 must be <= 1 in 3D"),
         ({"target_error": 0.01, "load_stiffness": 1e3}, "target_error is for layers of whole grains"),
         (
@@ -45,6 +45,7 @@ def test_every_wrong_value_is_reported():
             "load_stiffness and load_stiffness_ratio are ways to give",
         ),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
+        ({"shape": "angular", "dim": 3, "breakable": True, "pieces": 27, "stiffness_number": 299.0}, "must be >= 300"),
     ],
 )
 def test_values_that_contradict_each_other_are_refused(values, words):
@@ -277,7 +278,8 @@ def test_the_summary_of_a_spring_and_of_broken_bonds(sheared):
     assert not {"bonds", "load_stiffness"} & set(shear_gouge.analyse(dataset, params))
 
 
-def test_breakable_grains_are_bonded_pieces_of_their_area():
+def test_breakable_grains_are_bonded_pieces_of_their_area(monkeypatch):
+    monkeypatch.setattr(initial_grains, "AGGREGATES", 3)
     params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, length=10)
     scene = shear_gouge.build(params)
     mobile = scene.platen_index < 0
@@ -288,6 +290,29 @@ def test_breakable_grains_are_bonded_pieces_of_their_area():
     assert (area >= params.smallest_diameter**2).all() and (area <= params.largest_diameter**2).all()
     apart = np.linalg.norm(np.subtract(*scene.position[scene.bonds.T]), axis=1)
     assert (apart < 0.75 * scene.diameter[scene.bonds].sum(axis=1)).all()  # as tiles lie that share a side
+
+
+def test_breakable_grains_in_3d_are_bonded_pieces_of_their_volume(monkeypatch):
+    monkeypatch.setattr(initial_grains, "AGGREGATES", 2)
+    values = {"shape": "angular", "breakable": True, "dim": 3, "pieces": 5, "grains": 20, "length": 6, "width": 4}
+    params = shear_gouge.Params(start="loose", **values)
+    scene = shear_gouge.build(params)
+    mobile = scene.platen_index < 0
+    assert mobile.sum() == 5 * 20 and (scene.bonds[:, 0] // 5 == scene.bonds[:, 1] // 5).all()
+    mass = scene.masses()[0][mobile].reshape(20, 5).sum(axis=1)
+    diameter = np.cbrt(6.0 / np.pi * mass / params.density)
+    assert (diameter >= params.smallest_diameter).all() and (diameter <= params.largest_diameter).all()
+    # Bonded pieces have a plane between them: the line of their centres goes through it where their hulls touch.
+    frames = Rotation.from_quat(scene.orientation, scalar_first=True)
+    for (i, j), area in zip(scene.bonds[:40], scene.bond_area[:40], strict=True):
+        branch = scene.position[j] - scene.position[i]
+        n = branch / np.linalg.norm(branch)
+        reach = [
+            scene.diameter[k] * scene.shapes[scene.shape_index[k]].support(frames[k].inv().apply(side)[None])[0]
+            for k, side in ((i, n), (j, -n))
+        ]
+        assert abs(n @ branch - sum(reach)) < 0.2 * scene.diameter[i]
+        assert 0.0 < area < scene.diameter[i] ** 2
 
 
 @pytest.mark.validate

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
 from workflows.common.refusals import in_terms_of
@@ -43,6 +44,8 @@ class MobileGrains(NamedTuple):
         Heights [m] by which the lower and the upper platen are raised from where they were given.
     bonds
         Pairs (m, 2) of bonded pieces; None of whole grains.
+    bond_area
+        Areas (m,) [m2] of the faces that the pieces of a pair share, in 3D; else None.
     """
 
     shapes: "list[GrainShape]"
@@ -51,7 +54,8 @@ class MobileGrains(NamedTuple):
     diameter: NDArray
     rotation: NDArray
     platen_heights: tuple[float, float]
-    bonds: NDArray | None
+    bonds: NDArray | None = None
+    bond_area: NDArray | None = None
 
 
 def least_cell(params: GrainParams, across: float, what: str) -> None:
@@ -97,7 +101,7 @@ def whole_grains(
     """
     shapes, unplaced = unplaced_grains(params, rng, count, shapes, progress, given)
     position, heights = _between(params, rng, unplaced, platens)
-    return MobileGrains(shapes, unplaced.kind, position, unplaced.diameter, unplaced.rotation, heights, None)
+    return MobileGrains(shapes, unplaced.kind, position, unplaced.diameter, unplaced.rotation, heights)
 
 
 def unplaced_grains(
@@ -155,34 +159,51 @@ def breakable_grains(
     shapes: "list[GrainShape]",
     progress: Progress | None = None,
 ) -> MobileGrains:
-    """As `whole_grains`, but pieces of `count` breakable grains (2D), with the bonds between them."""
+    """As `whole_grains`, but pieces of `count` breakable grains, with the bonds between them."""
     p = params
     with in_terms_of(
         f"--pieces {p.pieces}, --corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"
     ):
         kinds = min(count, AGGREGATES)
         made, whole = _making_shapes(progress, kinds), []
+        aggregate = lsm.shapes.angular_aggregate if p.dim == 2 else lsm.shapes.polyhedral_aggregate
         for i in range(kinds):
-            whole.append(lsm.shapes.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius))
+            whole.append(aggregate(p.pieces, [p.seed, i], p.corner_radius))
             made(len(whole))
     size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     kind = rng.integers(0, len(whole), count)
-    angle = lsm.random_rotations(rng, count, p.dim)
+    rotation = lsm.random_rotations(rng, count, p.dim)
     reach = np.array([grain.reach for grain in whole])[kind] * size
-    unplaced = Unplaced([grain.spanning_balls() for grain in whole], kind, size, angle, reach)
+    unplaced = Unplaced([grain.spanning_balls() for grain in whole], kind, size, rotation, reach)
     middle, heights = _between(p, rng, unplaced, platens)
-    c, s = np.cos(angle), np.sin(angle)
-    rotate = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
     arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
-    position = middle[:, None] + np.einsum("nab,npb->npa", rotate, arms)
+    matrix, of_pieces = _rotated(rotation, np.array([grain.rotation for grain in whole])[kind])
+    position = middle[:, None] + np.einsum("nab,npb->npa", matrix, arms)
     diameter = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
     shape_index = len(shapes) + kind[:, None] * p.pieces + np.arange(p.pieces)
     bonds = np.concatenate([whole[k].pairs + i * p.pieces for i, k in enumerate(kind)])
+    # In 2D bonds have one width in diameters of the pieces, about that of the sides that they share.
+    area = None if p.dim == 2 else np.concatenate([whole[k].area * size[i] ** 2 for i, k in enumerate(kind)])
     shapes = shapes + [piece for grain in whole for piece in grain.shapes]
-    rotation = np.repeat(angle, p.pieces)
     return MobileGrains(
-        shapes, shape_index.ravel(), position.reshape(-1, 2), diameter.ravel(), rotation, heights, bonds
+        shapes, shape_index.ravel(), position.reshape(-1, p.dim), diameter.ravel(), of_pieces, heights, bonds, area
     )
+
+
+def _rotated(rotation: NDArray, pieces: NDArray) -> tuple[NDArray, NDArray]:
+    """Rotation matrices (n, dim, dim) of grains, and orientations of their m pieces, n m in a row.
+
+    rotation: of the grains, as of `lsm.random_rotations`; pieces: of each piece in its grain, angles (n, m) or
+    quaternions (n, m, 4).
+    """
+    if rotation.ndim == 1:
+        c, s = np.cos(rotation), np.sin(rotation)
+        matrix = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+        return matrix, (rotation[:, None] + pieces).ravel()
+    grains = Rotation.from_quat(rotation, scalar_first=True)
+    repeated = Rotation.from_quat(np.repeat(rotation, pieces.shape[1], axis=0), scalar_first=True)
+    placed = repeated * Rotation.from_quat(pieces.reshape(-1, 4), scalar_first=True)
+    return grains.as_matrix(), placed.as_quat(scalar_first=True)
 
 
 class Unplaced(NamedTuple):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
     from taichi_lsm.shapes import GrainShape
 
-BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
+BOND_WIDTH = 0.55  # of the bonds between pieces in 2D, in their diameter: about the side that two tiles share
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
@@ -139,10 +139,8 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
     else:
         grains = whole_grains(p, rng, mobile_count(p), (low, high), [one], progress, shapes)
     position = np.concatenate([grains.position, low[0], high[0]])
-    first_low, first_high = len(grains.position), len(grains.position) + len(low[0])
-    position[first_low:first_high, 1] += grains.platen_heights[0]
-    position[first_high:, 1] += grains.platen_heights[1]
     sizes, glued = grains.diameter, np.repeat([0, 1], [len(low[0]), len(high[0])])
+    position[len(sizes) :, 1] += np.array(grains.platen_heights)[glued]
 
     servo = _servo(p, sizes, high[1])
     still = [lsm.Fixed()] * (dim - 2)
@@ -166,6 +164,7 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
             ],
             effects=effects_of(p),
             bonds=grains.bonds,
+            bond_area=grains.bond_area,
             thickness=d,
             area=area,
             safety=p.step_safety,
@@ -240,7 +239,11 @@ def effects_of(params: GrainParams) -> list[Effect]:
 
 
 def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
-    """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
+    """Bonds about as stiff as a contact in 2D, k_n = E (width R T)/(2 R) = k; of the strength asked for.
+
+    In 3D the same modulus makes a whole grain, of the stiffness E pi d/4, about as stiff as a contact. Bonds of smaller
+    faces are softer there: k_n = E A/L of the face that two pieces share.
+    """
     return lsm.effects.ElasticBrittleBond(
         youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
         poissons_ratio=BOND_POISSON,
