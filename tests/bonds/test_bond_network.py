@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.special import gamma
+from scipy.stats import kstest
 
 import taichi_lsm as lsm
 from taichi_lsm.bonds.bond_setup import bond_areas, bond_numbers
@@ -120,11 +122,28 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
         ({"cohesion": 0.0}, "cohesion"),
         ({"friction_angle": 2.0}, "friction_angle"),
         ({"radius_ratio": np.inf}, "radius_ratio"),
+        ({"weibull_modulus": 0.0}, "weibull_modulus"),
+        ({"weibull_seed": 1.5}, "weibull_seed"),
     ],
 )
 def test_wrong_numbers_are_refused(more, field):
     with pytest.raises(lsm.InputError, match=field):
         bond(**more)
+
+
+@pytest.mark.parametrize("modulus", [2.0, 9.0])
+def test_strengths_scatter_as_weibull_says_and_keep_their_mean(modulus):
+    """Its distribution function of all drawn factors is uniform: Kolmogorov's distance for 20 000 of them."""
+    radii = np.full(20_000, RADIUS)
+    plain, scattered = bond().bond_strength(radii), bond(weibull_modulus=modulus).bond_strength(radii)
+    factors = scattered / plain
+    assert np.ptp(factors, axis=1).max() < 1e-12
+    chance = 1.0 - np.exp(-((factors[:, 0] * gamma(1.0 + 1.0 / modulus)) ** modulus))
+    assert kstest(chance, "uniform").pvalue > 0.01
+    variation = np.sqrt(gamma(1.0 + 2.0 / modulus) / gamma(1.0 + 1.0 / modulus) ** 2 - 1.0)
+    assert factors[:, 0].mean() == pytest.approx(1.0, abs=4.0 * variation / np.sqrt(20_000))
+    other = bond(weibull_modulus=modulus, weibull_seed=1).bond_strength(radii)
+    assert abs(np.corrcoef(factors[:, 0], other[:, 0])[0, 1]) < 0.03
 
 
 def test_wrong_bonds_are_refused():

@@ -293,6 +293,7 @@ REFUSED = [
     ({}, "corner_radius", "0.05"),
     ({}, "pieces", "7"),
     ({"shape": "angular"}, "bond_strength", "20"),
+    ({"shape": "angular"}, "weibull_modulus", "5"),
     ({"effects": [RATE_AND_STATE]}, "friction", "0.5"),
     ({"effects": [RATE_AND_STATE]}, "tangential_ratio", "0.5"),
     ({"effects": [HERTZ]}, "stiffness_number", "1000"),

@@ -28,7 +28,7 @@ REPLACED = {  # parameters of the default effects, by the role of an effect that
     "elasticity": ("stiffness_number",),
     "damping": ("restitution",),
     "friction": ("friction", "tangential_ratio"),
-    "bonds": ("bond_strength",),
+    "bonds": ("bond_strength", "weibull_modulus"),
 }
 
 

@@ -37,6 +37,12 @@ class LayerParams(GrainParams):
     bond_strength: float = Field(
         default=20.0, ge=1e-6, le=1e6, description="tensile strength of the bonds over the normal stress [1]"
     )
+    weibull_modulus: float | None = Field(
+        default=None,
+        ge=1,
+        le=1e3,
+        description="Weibull modulus of the scatter of the strengths of bonds, with --seed; none: no scatter [1]",
+    )
     load_stiffness: float | None = Field(
         default=None,
         ge=1e-9,
@@ -96,7 +102,7 @@ class LayerParams(GrainParams):
         """As of grains; and parameters of grains that break."""
         found = super().idle()
         if not self.breakable:
-            found |= dict.fromkeys(("pieces", "bond_strength"), "without --breakable")
+            found |= dict.fromkeys(("pieces", "bond_strength", "weibull_modulus"), "without --breakable")
         return found
 
     @property

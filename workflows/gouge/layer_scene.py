@@ -250,6 +250,8 @@ def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
         cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),
         friction_angle=BOND_ANGLE,
         radius_ratio=BOND_WIDTH,
+        weibull_modulus=np.inf if p.weibull_modulus is None else p.weibull_modulus,
+        weibull_seed=0 if p.weibull_modulus is None else p.seed,
     )
 
 
