@@ -315,28 +315,42 @@ def test_breakable_grains_in_3d_are_bonded_pieces_of_their_volume(monkeypatch):
         assert 0.0 < area < scene.diameter[i] ** 2
 
 
+SMALL_LAYERS = {2: {"grains": 40}, 3: {"grains": 24, "width": 4, "pieces": 4, "weibull_modulus": 5}}
+
+
 @pytest.mark.validate
-def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path):
+@pytest.mark.parametrize("dim", [2, 3])
+def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path, monkeypatch, dim):
+    monkeypatch.setattr(initial_grains, "AGGREGATES", 4)
     params = shear_gouge.Params(
         shape="angular",
         breakable=True,
-        grains=40,
+        dim=dim,
         length=6,
         inertial_number=2e-2,
         strain=0.3,
         steady_from=0.1,
         precision=runtime.precision,
+        **SMALL_LAYERS[dim],
     )
     dataset = shear_gouge.run(params, tmp_path)
-    bonds, fragments = dataset.bond_count.values, dataset.fragment_count.values
-    assert fragments[0] == 40 < fragments[-1] <= 40 * params.pieces
-    assert (np.diff(bonds) <= 0).all() and (np.diff(fragments) >= 0).all()
+    bonds, count = dataset.bond_count.values, dataset.fragment_count.values
+    assert count[0] == params.grains < count[-1] <= params.grains * params.pieces
+    assert (np.diff(bonds) <= 0).all() and (np.diff(count) >= 0).all()
     assert shear_gouge.analyse(dataset, params)["energy_residual"].value < 1e-3
     assert "elastic_brittle_bond" in dataset.effect_name.values
     grains = lsm.open_run(tmp_path / "grains.nc")
     assert grains.sizes["bond"] == bonds[0] == grains.bond_intact.values[0].sum()
     assert grains.bond_intact.values[-1].sum() == bonds[-1]
     assert (grains.bond_first < grains.bond_second).all()
+    fragments = lsm.open_run(tmp_path / "fragments.nc")
+    mass = fragments.mass.groupby(fragments.snapshot).sum().values
+    assert mass == pytest.approx(grains.mass.values[grains.kind.values == 0].sum(), rel=1e-12)
+    assert np.bincount(fragments.snapshot)[[0, -1]].tolist() == count[[0, -1]].tolist()
+    surface = fragments.new_surface.groupby(fragments.snapshot).sum().values
+    assert surface[[0, -1]] == pytest.approx(2.0 * dataset.fracture_area.values[[0, -1]], rel=1e-12)
+    assert fragments.elongation.min() > 0.0 and fragments.elongation.max() <= 1.0
+    check_described(tmp_path / "fragments.nc")
 
 
 @pytest.mark.validate
