@@ -68,6 +68,16 @@ class Aggregate:
             radii.append(size * radius)
         return np.concatenate(centres), np.concatenate(radii)
 
+    def support(self, normals: NDArray) -> NDArray:
+        """Support function max x . n over all points x (k,) [diameter of the aggregate]; n: unit normals (k, dim)."""
+        reach = []
+        for place, size, shape, rotation in zip(self.position, self.diameter, self.shapes, self.rotation, strict=True):
+            body = normals
+            if shape.dim == 3:
+                body = Rotation.from_quat(rotation, scalar_first=True).inv().apply(normals)
+            reach.append(normals @ place + size * shape.support(body))
+        return np.max(reach, axis=0)
+
 
 def angular_aggregate(pieces: int, seed: Seed, corner_radius: float, arcs_per_corner: int = 4) -> Aggregate:
     """An aggregate of Voronoi tiles (2D), those of a tiling that lie nearest to one point.

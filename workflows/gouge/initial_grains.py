@@ -14,7 +14,7 @@ from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_parameters import LayerParams
 
 if TYPE_CHECKING:
-    from taichi_lsm.shapes import GrainShape
+    from taichi_lsm.shapes import Aggregate, GrainShape
 
     Spheres = tuple[NDArray, NDArray]  # centres (m, dim) and diameters (m,) [m] of the grains of a platen
     Platens = tuple[Spheres, Spheres]  # the lower and the upper one
@@ -176,17 +176,64 @@ def breakable_grains(
     reach = np.array([grain.reach for grain in whole])[kind] * size
     unplaced = Unplaced([grain.spanning_balls() for grain in whole], kind, size, rotation, reach)
     middle, heights = _between(p, rng, unplaced, platens)
-    arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
-    matrix, of_pieces = _rotated(rotation, np.array([grain.rotation for grain in whole])[kind])
-    position = middle[:, None] + np.einsum("nab,npb->npa", matrix, arms)
-    diameter = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
-    shape_index = len(shapes) + kind[:, None] * p.pieces + np.arange(p.pieces)
-    bonds = np.concatenate([whole[k].pairs + i * p.pieces for i, k in enumerate(kind)])
+    pieces = placed_pieces(whole, kind, size, rotation, middle)
     # In 2D bonds have one width in diameters of the pieces, about that of the sides that they share.
-    area = None if p.dim == 2 else np.concatenate([whole[k].area * size[i] ** 2 for i, k in enumerate(kind)])
+    area = None if p.dim == 2 else pieces.bond_area
+    shape_index = len(shapes) + pieces.shape_index
     shapes = shapes + [piece for grain in whole for piece in grain.shapes]
     return MobileGrains(
-        shapes, shape_index.ravel(), position.reshape(-1, p.dim), diameter.ravel(), of_pieces, heights, bonds, area
+        shapes, shape_index, pieces.position, pieces.diameter, pieces.rotation, heights, pieces.bonds, area
+    )
+
+
+class Pieces(NamedTuple):
+    """The pieces of n breakable grains of m pieces each, those of a grain in a row.
+
+    Attributes
+    ----------
+    shape_index
+        Row of all shapes of all kinds of grains, one after the other (n m,).
+    position, diameter
+        Places (n m, dim) and equivalent diameters (n m,) [m].
+    rotation
+        Angles (n m,) [rad] in 2D, unit quaternions (n m, 4) in 3D.
+    bonds, bond_area
+        Pairs (p, 2) of pieces, and what they share (p,): sides [m] in 2D, areas [m2] of faces in 3D.
+    """
+
+    shape_index: NDArray
+    position: NDArray
+    diameter: NDArray
+    rotation: NDArray
+    bonds: NDArray
+    bond_area: NDArray
+
+
+def placed_pieces(
+    whole: "Sequence[Aggregate]", kind: NDArray, size: NDArray, rotation: NDArray, place: NDArray
+) -> Pieces:
+    """Pieces of breakable grains in their places.
+
+    Parameters
+    ----------
+    whole
+        The kinds of grains, of equally many pieces.
+    kind, size, rotation, place
+        Of each grain its kind (n,), equivalent diameter (n,) [m], orientation as of `lsm.random_rotations`, and centre
+        of mass (n, dim) [m].
+    """
+    count, dim = len(whole[0].shapes), place.shape[1]
+    arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
+    matrix, of_pieces = _rotated(rotation, np.array([grain.rotation for grain in whole])[kind])
+    position = place[:, None] + np.einsum("nab,npb->npa", matrix, arms)
+    diameter = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
+    return Pieces(
+        (kind[:, None] * count + np.arange(count)).ravel(),
+        position.reshape(-1, dim),
+        diameter.ravel(),
+        of_pieces,
+        np.concatenate([whole[k].pairs + i * count for i, k in enumerate(kind)]),
+        np.concatenate([whole[k].area * size[i] ** (dim - 1) for i, k in enumerate(kind)]),
     )
 
 
