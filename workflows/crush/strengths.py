@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,8 @@ def weibull_of(strengths: NDArray) -> lsm.statistics.Estimate:
     from scipy.stats import weibull_min
 
     n = len(strengths)
-    m = float(weibull_min.fit(strengths, floc=0.0)[0]) / (1.0 + 1.4 / n)
+    fitted: Any = weibull_min.fit(strengths, floc=0.0)
+    m = float(fitted[0]) / (1.0 + 1.4 / n)
     return lsm.statistics.Estimate(m, m * float(np.sqrt(6.0 / n) / np.pi), n, n - 1.0)
 
 
