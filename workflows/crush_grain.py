@@ -29,7 +29,7 @@ from workflows.common.stopwatch import Stopwatch
 from workflows.crush.strengths import analyse, write_crushing
 from workflows.gouge.initial_grains import initial_orientations, placed_pieces
 from workflows.gouge.layer_cost import GRAIN_BYTES, price_of
-from workflows.gouge.layer_scene import BOND_ANGLE, BOND_POISSON, BOND_WIDTH, stand_in
+from workflows.gouge.layer_scene import BOND_ANGLE, BOND_POISSON, bond_length, stand_in
 from workflows.plots.crush_grain import plot_crushing
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 BASE, RAM = 0, 1  # walls: the lower platen, and the upper one that comes down
 PITCH = 3.0  # distance of two grains, in their heights: fragments of one meet no other
-LEAST_STIFFNESS = 4.0  # see `Params._stiff_enough`
 STEP = 0.7  # time step of pieces over that of the cubes that stand in, for the estimate
 SIMULATION = 30.0  # [s] to make grains and to compile
 TANGENTIAL_RATIO = 0.5
@@ -81,13 +80,15 @@ class Params(BaseParams):
 
     @model_validator(mode="after")
     def _stiff_enough(self) -> Self:
-        """A platen that breaks a grain, at a force of about strength times height^2, must not flatten a corner."""
-        least = LEAST_STIFFNESS * self.tensile_strength * self.pieces ** (1.0 / self.dim) / self.corner_radius
+        """A platen that breaks a grain, at a force of at most strength times height^2, must not flatten a corner."""
+        across = self.pieces ** (1.0 / self.dim)
+        least = self.tensile_strength * self.height / bond_length(self.height, self.dim, self.pieces)
+        least *= across / self.corner_radius
         if self.youngs_modulus < least:
             raise ValueError(
                 f"--youngs-modulus {self.youngs_modulus:g} Pa: must be >= {least:.3g} Pa with --tensile-strength "
-                f"{self.tensile_strength:g} Pa, or contacts would be deeper than half of a corner before a grain "
-                "breaks; raise it or --corner-radius, or lower --tensile-strength or --pieces"
+                f"{self.tensile_strength:g} Pa, or contacts would be deeper than a corner before a grain breaks; "
+                "raise it or --corner-radius, or lower --tensile-strength or --pieces"
             )
         return self
 
@@ -95,7 +96,7 @@ class Params(BaseParams):
 def effects_of(params: Params) -> list[lsm.effects.Effect]:
     """Elastic, damped and frictional contacts, as stiff as those of a layer beside bonds of this modulus; and bonds."""
     p = params
-    stiffness = BOND_WIDTH * p.youngs_modulus * p.height
+    stiffness = p.youngs_modulus * bond_length(p.height, p.dim, p.pieces)
     return [
         lsm.LinearElastic(stiffness),
         lsm.ViscousDamping(restitution=p.restitution),
@@ -191,13 +192,17 @@ def least_width(grain: Aggregate) -> tuple[NDArray, float]:
     The best of even directions, then of ever closer ones about the best so far, which are drawn with a fixed seed.
     """
     dim, rng = grain.position.shape[1], np.random.default_rng(0)
-    near, spread = rng.standard_normal((2000, dim)), 0.0
-    for spread in (0.1, 0.03, 0.01, 3e-3, 1e-3, 0.0):
-        near /= np.linalg.norm(near, axis=1, keepdims=True)
-        width = grain.support(near) + grain.support(-near)
-        best = near[np.argmin(width)]
-        near = np.concatenate([best[None], best + spread * rng.standard_normal((200, dim))])
-    return best, float(width.min())
+
+    def best_of(directions: NDArray) -> tuple[NDArray, float]:
+        unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        width = grain.support(unit) + grain.support(-unit)
+        return unit[np.argmin(width)], float(width.min())
+
+    best, least = best_of(rng.standard_normal((2000, dim)))
+    for spread in (0.1, 0.03, 0.01, 3e-3, 1e-3):
+        near = best + spread * rng.standard_normal((200, dim))
+        best, least = best_of(np.concatenate([best[None], near]))
+    return best, least
 
 
 def _turned_up(directions: NDArray) -> NDArray:

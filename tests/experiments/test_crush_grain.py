@@ -84,7 +84,7 @@ def test_metrics_and_files_of_known_strengths(tmp_path, dim):
 
 
 def test_soft_bonds_are_refused():
-    with pytest.raises(ParameterError, match=r"youngs_modulus = 1e\+10 Pa: must be >= 1.83e\+10 Pa"):
+    with pytest.raises(ParameterError, match=r"youngs_modulus = 1e\+10 Pa: must be >= 4.19e\+10 Pa"):
         crush_grain.Params(youngs_modulus=1e10)
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from taichi_lsm.shapes import GrainShape
 
 BOND_WIDTH = 0.55  # of the bonds between pieces in 2D, in their diameter: about the side that two tiles share
+BOND_AREA = 0.25  # likewise in 3D, of the faces that two pieces share, in squared diameters of a piece
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
@@ -239,13 +240,12 @@ def effects_of(params: GrainParams) -> list[Effect]:
 
 
 def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
-    """Bonds about as stiff as a contact in 2D, k_n = E (width R T)/(2 R) = k; of the strength asked for.
+    """Bonds about as stiff as a contact, of the strength asked for.
 
-    In 3D the same modulus makes a whole grain, of the stiffness E pi d/4, about as stiff as a contact. Bonds of smaller
-    faces are softer there: k_n = E A/L of the face that two pieces share.
+    Softer ones would let pieces overlap under pressure by more than contacts do, and a break would add energy.
     """
     return lsm.effects.ElasticBrittleBond(
-        youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
+        youngs_modulus=p.stiffness / bond_length(p.diameter, p.dim, p.pieces),
         poissons_ratio=BOND_POISSON,
         cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),
         friction_angle=BOND_ANGLE,
@@ -253,6 +253,14 @@ def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
         weibull_modulus=np.inf if p.weibull_modulus is None else p.weibull_modulus,
         weibull_seed=0 if p.weibull_modulus is None else p.seed,
     )
+
+
+def bond_length(diameter: float, dim: int, pieces: int) -> float:
+    """Length A/L [m] of an average bond in grains of a diameter [m]: its stiffness k_n = E A/L over its modulus.
+
+    In 2D that is (width R T)/(2 R) with the thickness T = d, in 3D a face of BOND_AREA over the diameter of a piece.
+    """
+    return BOND_WIDTH * diameter if dim == 2 else BOND_AREA * diameter / pieces ** (1.0 / 3.0)
 
 
 def shear_drive(
