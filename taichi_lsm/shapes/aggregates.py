@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from .base import Balls, GrainShape, counted
+from .arc_chain import ArcChain
+from .ball_polyhedron import BallPolyhedron
+from .base import Balls, counted
 from .input_checks import Seed, check_at_least, check_corner_radius
 from .voronoi_grains import fitted_grain
 from .voronoi_tiles import voronoi_tiles
@@ -26,7 +28,7 @@ class Aggregate:
 
     Parameters
     ----------
-    shapes : sequence of GrainShape
+    shapes : sequence of ArcChain or BallPolyhedron
         The m pieces, each of equivalent diameter 1, body frame.
     position : ndarray, (m, dim)
         Centres of mass of the pieces [diameter of the aggregate].
@@ -43,7 +45,7 @@ class Aggregate:
         Distance of the farthest point from the centre [diameter of the aggregate].
     """
 
-    shapes: Sequence[GrainShape]
+    shapes: Sequence[ArcChain | BallPolyhedron]
     position: NDArray
     diameter: NDArray
     rotation: NDArray
