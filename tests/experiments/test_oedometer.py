@@ -99,8 +99,8 @@ def test_what_belongs_to_shear_has_no_effect():
 @pytest.mark.validate
 def test_a_layer_of_breakable_grains_yields(runtime, tmp_path):
     """The smoke preset with weaker bonds: they break from level to level, and the budget stays closed."""
-    values = PARAMS.model_dump(exclude_unset=True) | {"bond_strength": 20.0, "length": 6.0}
-    run = oedometer.run(oedometer.Params(**values, precision=runtime.precision), tmp_path)
+    weak = {"bond_strength": 20.0, "length": 6.0, "precision": runtime.precision}
+    run = oedometer.run(merge(oedometer.Params, "smoke", options=weak), tmp_path)
     levels = lsm.open_run(tmp_path / "compression.nc")
     wanted = PARAMS.normal_stress * 30.0 ** (np.arange(5) / 4)
     assert levels.normal_stress.values == pytest.approx(wanted, rel=0.1)
