@@ -70,6 +70,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .measure.contact_stiffness import contact_stiffness as contact_stiffness
     from .measure.energy_budget import Energies as Energies
     from .measure.energy_budget import energies as energies
+    from .measure.fragment_catalogue import fragment_catalogue as fragment_catalogue
     from .measure.profiling import runtime_profile as runtime_profile
     from .measure.profiling import runtime_profile_text as runtime_profile_text
     from .measure.shadow_energy import ShadowEnergy as ShadowEnergy
@@ -124,6 +125,7 @@ _HOME = {
     "ServoWithSpring": "boundaries.stress_drives",
     "VelocityOrStress": "boundaries.stress_drives",
     "fragments": "bonds.fragments",
+    "fragment_catalogue": "measure.fragment_catalogue",
     "grain_diameters": "packing",
     "dense_packing": "dense_start",
     "loose_packing": "packing",

@@ -86,6 +86,9 @@ class Scene:
     bonds : (m, 2) array of int
         Ids of grains that are bonded at the start, without stress; needs an effect of phase "bond". Stored sorted, the
         lower id first. Default: None, no bonds.
+    bond_area : (m,) array of float
+        Areas of the sections of the bonds [m2], in the order of `bonds`; a circle in 3D, in 2D a rectangle as deep as
+        the scene. Default: None, by the `radius_ratio` of the effect.
     skin : float
         Margin of the neighbour list [m]. A larger one lists more pairs and is renewed less often. Results do not
         depend on it. Default: 0.07 mean diameters.
@@ -143,6 +146,7 @@ class Scene:
     thickness: float = DERIVED
     area: float | None = None
     bonds: NDArray | None = None
+    bond_area: NDArray | None = None
     skin: float = DERIVED
     dt: float | None = None
     safety: float = 0.3

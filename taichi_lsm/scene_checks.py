@@ -58,7 +58,8 @@ def check_scene(scene: Scene) -> None:
         _check_entries(scene, name, entry)
     _check_indices(scene)
     _check_effects(scene)
-    scene.bonds = checked_bonds(scene.bonds, scene.effects, len(scene.position))
+    area = None if scene.bond_area is None else float_array("bond_area", scene.bond_area)
+    scene.bonds, scene.bond_area = checked_bonds(scene.bonds, area, scene.effects, len(scene.position))
     for effect in scene.effects:
         effect.check(scene)
     check_box(scene.lengths, scene.periodic, scene.widest(), scene.skin)

@@ -80,6 +80,7 @@ class Params(shear_gouge.Params):
     breakable: ClassVar[bool] = False  # pyright: ignore[reportIncompatibleVariableOverride]  spheres do not break
     pieces: ClassVar[int] = 7  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
     bond_strength: ClassVar[float] = 20.0  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
+    weibull_modulus: ClassVar[None] = None  # pyright: ignore[reportIncompatibleVariableOverride]  likewise
     stages: ClassVar[list] = []  # pyright: ignore[reportIncompatibleVariableOverride]  one steady state is compared
     profile: ClassVar[bool] = False  # pyright: ignore[reportIncompatibleVariableOverride]  what runs print is not shown
 

@@ -9,13 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import InputError
 
 
-def checked_bonds(pairs: ArrayLike | None, effects: Sequence[Any], count: int) -> NDArray | None:
-    """Bonds in their stored order.
+def checked_bonds(
+    pairs: ArrayLike | None, area: NDArray | None, effects: Sequence[Any], count: int
+) -> tuple[NDArray | None, NDArray | None]:
+    """Bonds and the areas of their sections in their stored order.
 
     Parameters
     ----------
     pairs
         Ids of the two grains of each bond (m, 2), integers, or None.
+    area
+        Areas of their sections (m,) [m2], or None.
     effects
         Effects of the scene.
     count
@@ -23,21 +27,26 @@ def checked_bonds(pairs: ArrayLike | None, effects: Sequence[Any], count: int) -
 
     Returns
     -------
-    array (m, 2) or None
+    pairs : array (m, 2) or None
         The lower id first, sorted by the first, then the second id; None if there are no bonds.
+    area : array (m,) or None
+        In the order of the pairs; None if it was not given.
 
     Raises
     ------
     InputError
         If there is an effect for bonds and no bonds or the reverse, or the pairs are no integers (m, 2), name grains
-        that do not exist, bond a grain to itself or occur twice.
+        that do not exist, bond a grain to itself or occur twice; if areas are given without bonds, or are not one
+        number > 0 for each of them.
     """
     if (bond_effect(effects) is None) != (pairs is None):
         raise InputError(
             "Scene.bonds: bonded grains and an effect for bonds in Scene.effects, must be given both or neither"
         )
     if pairs is None:
-        return None
+        if area is not None:
+            raise InputError("Scene.bond_area: given without bonds, whose sections it would be; leave it out")
+        return None, None
     try:
         pairs = np.asarray(pairs)
     except ValueError:  # rows of different lengths
@@ -50,10 +59,14 @@ def checked_bonds(pairs: ArrayLike | None, effects: Sequence[Any], count: int) -
     same = pairs[:, 0] == pairs[:, 1]
     if same.any():
         raise InputError(f"Scene.bonds: grain {pairs[same][0, 0]} is bonded to itself, a bond needs two grains")
-    unique = np.unique(pairs, axis=0)
+    unique, order = np.unique(pairs, axis=0, return_index=True)
     if len(unique) < len(pairs):
         raise InputError(f"Scene.bonds: {len(pairs) - len(unique)} bonds are given twice, each may be listed once")
-    return unique
+    if area is None:
+        return unique, None
+    if area.shape != (len(pairs),) or not np.all(np.isfinite(area) & (area > 0.0)):
+        raise InputError(f"Scene.bond_area: array of shape {area.shape}, must be one number > 0 m2 for each bond")
+    return unique, area[order]
 
 
 def bond_branches(scene: Any) -> NDArray:
@@ -92,10 +105,21 @@ def bond_numbers(scene: Any) -> tuple[NDArray, NDArray, NDArray]:
     apart = length > 1e-6 * scene.diameter[scene.bonds].max(axis=1)
     if not apart.all():
         raise InputError(f"Scene.bonds: grains {scene.bonds[~apart][0].tolist()} lie on each other, must be apart")
-    # The radius of a bond is the mean of the equivalent radii of its grains: a quarter of the sum of the diameters.
+    radius, depth = bond_radii(scene)
+    return effect.bond_stiffness(radius, length, depth), effect.bond_strength(radius, depth), length
+
+
+def bond_radii(scene: Any) -> tuple[NDArray, float | None]:
+    """Radii (m,) [m] of the bonds of a scene, and its thickness in 2D [m], None in 3D."""
+    # The mean of the equivalent radii of two grains is a quarter of the sum of their diameters.
     radius = 0.25 * scene.diameter[scene.bonds].sum(axis=1)
     depth = scene.thickness if scene.dim == 2 else None
-    return effect.bond_stiffness(radius, length, depth), effect.bond_strength(radius, depth), length
+    return bond_effect(scene.effects).bond_radius(radius, scene.bond_area, depth), depth
+
+
+def bond_areas(scene: Any) -> NDArray:
+    """Areas (m,) [m2] of the sections of the bonds of a scene."""
+    return bond_effect(scene.effects).bond_sections(*bond_radii(scene))[0]
 
 
 def bond_effect(effects: Sequence[Any]) -> Any:

@@ -34,9 +34,11 @@ reach() -> distance of the surfaces up to which the effect acts [m]
 parameters() -> {name: value}
     When a simulation is made or reset. The values become fields `self.<name>_`, read in kernels as `self.<name>_[0]`;
     one compilation serves all values.
-bond_stiffness(radius, length, depth) -> stiffness numbers (m, 4) of m bonds
-bond_strength(radius, depth) -> strength numbers (m, 4) of m bonds
-    Phase "bond"; when a simulation is made. Arguments: see `elastic_brittle_bond.ElasticBrittleBond.bond_stiffness`.
+bond_radius(radius, area, depth) -> radii (m,) of m bonds [m]
+bond_sections(r, depth) -> areas and section moduli of m bonds [m2], [m3], [m3]
+bond_stiffness(r, length, depth) -> stiffness numbers (m, 4) of m bonds
+bond_strength(r, depth) -> strength numbers (m, 4) of m bonds
+    Phase "bond"; when a simulation is made. Arguments: see `elastic_brittle_bond.ElasticBrittleBond`.
 cases() -> instances that the contract tests try
     Classmethod; tests and `lsm list --effects`.
 

@@ -81,6 +81,7 @@ def static_rows(dim: int, bonded: bool = False) -> list[Variable]:
     ] + [
         Variable("bond_first", ("bond",), "i32", "1", "index of the first grain of the bond"),
         Variable("bond_second", ("bond",), "i32", "1", "index of the second grain of the bond"),
+        Variable("bond_area", ("bond",), "f64", "m2", "area of the section of the bond"),
     ] * bonded
 
 

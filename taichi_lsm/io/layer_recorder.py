@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 import numpy.typing as npt
 
+from ..bonds.bond_setup import bond_areas
 from ..core.allocation import read
 from ..core.errors import SimulationError
 from ..core.schema import Variable
@@ -211,8 +212,10 @@ def _constants(scene: "Scene") -> dict[str, npt.NDArray]:
     """What does not change: per grain, then per patch of the shape table."""
     mass, inertia = scene.masses()
     patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
-    ends = {} if scene.bonds is None else {"bond_first": scene.bonds[:, 0], "bond_second": scene.bonds[:, 1]}
-    return ends | {
+    bonds: dict[str, npt.NDArray] = {}
+    if scene.bonds is not None:
+        bonds = {"bond_first": scene.bonds[:, 0], "bond_second": scene.bonds[:, 1], "bond_area": bond_areas(scene)}
+    return bonds | {
         "mass": mass,
         "inertia": inertia[:, 0] if scene.dim == 2 else inertia,
         "bounding_radius": scene.per_grain("bounding_radius"),

@@ -76,6 +76,7 @@ ALWAYS = [
 ]
 BONDS = [
     series("bond_count", "1", "bonds that have not broken", dtype="i32"),
+    series("fracture_area", "m2", "area of the bonds that have broken; the new surface is twice as large"),
     series("fragment_count", "1", "mobile grains that no intact bond joins, or groups that bonds join", dtype="i32"),
 ]
 STRETCH = series("spring_stretch", "m", "stretch of the spring between load point and top platen")

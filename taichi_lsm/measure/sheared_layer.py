@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ..bonds.bond_setup import bond_areas
 from ..bonds.fragments import fragments
 from ..boundaries.platen_drives import ServoStress, SpringLoadPoint
 from ..boundaries.stress_drives import ServoWithSpring, VelocityOrStress
+from ..core.allocation import read
 from ..core.errors import InputError, SimulationError
 from .layer_memory import LayerMemory
 from .layer_rows import layer_rows
@@ -60,6 +62,7 @@ class ShearedLayer(ShearedGrains):
         along, normal = platens.drives[1][:2]
         self.sprung = isinstance(along, SpringLoadPoint)
         self.pushed, self.confined = isinstance(along, VelocityOrStress), isinstance(normal, ServoWithSpring)
+        self.bond_area = bond_areas(scene) if sim.bonds else np.empty(0)
         # Reference planes: mean innermost surface of the glued grains, fixed to each platen.
         radius = scene.per_grain("bounding_radius")
         inner = [scene.position[:, 1] + radius, scene.position[:, 1] - radius]
@@ -152,6 +155,7 @@ class ShearedLayer(ShearedGrains):
         row |= self._of_drives(now)
         if sim.bonds:
             row["bond_count"] = int(memory.samples[-1]["bond_count"])
+            row["fracture_area"] = float(self.bond_area[read(sim.bonds.intact) == 0].sum())
             row["fragment_count"] = len(np.unique(fragments(sim)[self.mobile]))
         return row
 

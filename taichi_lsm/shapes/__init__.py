@@ -13,6 +13,7 @@ from .meshes import Misfit, from_mesh
 from .outlines import OutlineMisfit, from_outline, outline_of_image
 from .polygon_fit import arc_chain, from_polygon, regular_disc_of_arcs
 from .polyhedra import ellipsoid, from_planes, regular_polyhedron, superellipsoid
+from .polyhedral_aggregates import polyhedral_aggregate
 from .random_polygons import random_polygons
 from .random_polyhedra import random_angular_polyhedra, random_polyhedra
 from .storage import load_shapes, save_shapes
@@ -57,6 +58,7 @@ __all__ = [
     "outline_of_image",
     "place_part",
     "polygon_measures",
+    "polyhedral_aggregate",
     "random_angular_polyhedra",
     "random_angular_shapes",
     "random_polygons",

@@ -1,13 +1,16 @@
-"""Grains that can break: angular pieces cut from a tiling, with the pairs of pieces that share a side."""
+"""Grains that can break: angular pieces, with the pairs of them that share a side or a face; those of tiles in 2D."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from .arc_chain import ArcChain
+from .ball_polyhedron import BallPolyhedron
 from .base import Balls, counted
 from .input_checks import Seed, check_at_least, check_corner_radius
 from .voronoi_grains import fitted_grain
@@ -19,26 +22,35 @@ LEAST_SIDE = 0.1  # length of a side that counts as shared, in diameters of a pi
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Aggregate:
-    """Pieces that together have the area of a disc of diameter 1, about their common centre of mass.
+    """Pieces that together have the area of a disc, or the volume of a sphere, of diameter 1.
+
+    Their common centre of mass is the origin.
 
     Parameters
     ----------
-    shapes : list of ArcChain
+    shapes : sequence of ArcChain or BallPolyhedron
         The m pieces, each of equivalent diameter 1, body frame.
-    position : ndarray, (m, 2)
+    position : ndarray, (m, dim)
         Centres of mass of the pieces [diameter of the aggregate].
     diameter : ndarray, (m,)
         Equivalent diameters of the pieces [diameter of the aggregate].
+    rotation : ndarray
+        From the body frame of each piece to that of the aggregate: angles (m,) [rad] in 2D, unit quaternions w, x, y, z
+        (m, 4) in 3D.
     pairs : ndarray, (p, 2)
-        Pieces that share a side; together the pairs join all of them.
+        Pieces that share a side or a face; together the pairs join all of them.
+    area : ndarray, (p,)
+        Length of the side [diameter of the aggregate], or area of the face [its square], that a pair shares.
     reach : float
         Distance of the farthest point from the centre [diameter of the aggregate].
     """
 
-    shapes: list[ArcChain]
+    shapes: Sequence[ArcChain | BallPolyhedron]
     position: NDArray
     diameter: NDArray
+    rotation: NDArray
     pairs: NDArray
+    area: NDArray
     reach: float
 
     def __repr__(self) -> str:
@@ -49,14 +61,24 @@ class Aggregate:
 
     def spanning_balls(self) -> Balls:
         """Balls that span all pieces, see `GrainShape.spanning_balls` [diameter of the aggregate]."""
-        pieces = [
-            (place + size * centre, size * radius)
-            for place, size, (centre, radius) in zip(
-                self.position, self.diameter, (shape.spanning_balls() for shape in self.shapes), strict=True
-            )
-        ]
-        centres, radii = zip(*pieces, strict=True)
+        centres, radii = [], []
+        for place, size, shape, rotation in zip(self.position, self.diameter, self.shapes, self.rotation, strict=True):
+            centre, radius = shape.spanning_balls()
+            if shape.dim == 3:
+                centre = Rotation.from_quat(rotation, scalar_first=True).apply(centre)
+            centres.append(place + size * centre)
+            radii.append(size * radius)
         return np.concatenate(centres), np.concatenate(radii)
+
+    def support(self, normals: NDArray) -> NDArray:
+        """Support function max x . n over all points x (k,) [diameter of the aggregate]; n: unit normals (k, dim)."""
+        reach = []
+        for place, size, shape, rotation in zip(self.position, self.diameter, self.shapes, self.rotation, strict=True):
+            body = normals
+            if shape.dim == 3:
+                body = Rotation.from_quat(rotation, scalar_first=True).inv().apply(normals)
+            reach.append(normals @ place + size * shape.support(body))
+        return np.max(reach, axis=0)
 
 
 def angular_aggregate(pieces: int, seed: Seed, corner_radius: float, arcs_per_corner: int = 4) -> Aggregate:
@@ -97,9 +119,12 @@ def angular_aggregate(pieces: int, seed: Seed, corner_radius: float, arcs_per_co
     mass = diameter**2
     position -= mass @ position / mass.sum()
     size = float(np.sqrt(mass.sum()))
-    pairs = np.array([(i, j) for i in range(pieces) for j in range(i) if _shared(tiles[i], tiles[j]) > LEAST_SIDE])
+    shared = {(i, j): _shared(tiles[i], tiles[j]) for i in range(pieces) for j in range(i)}
+    pairs = np.array([pair for pair, side in shared.items() if side > LEAST_SIDE])
+    sides = np.array([side for side in shared.values() if side > LEAST_SIDE])
     reach = (np.linalg.norm(position, axis=1) + diameter * [s.bounding_radius for s in shapes]).max()
-    return Aggregate(shapes, position / size, diameter / size, pairs, float(reach / size))
+    angle = np.zeros(pieces)  # tiles are fitted as they lie
+    return Aggregate(shapes, position / size, diameter / size, angle, pairs, sides / size, float(reach / size))
 
 
 def _shared(a: NDArray, b: NDArray) -> float:

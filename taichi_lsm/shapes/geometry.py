@@ -40,6 +40,23 @@ def polygon_integrals(vertices: NDArray) -> tuple[float, NDArray, NDArray]:
     return float(c.sum()), first, np.einsum("k,kij->ij", c, outer)
 
 
+def polyhedron_integrals(vertices: NDArray) -> tuple[float, NDArray, NDArray]:
+    """Volume V, centre of mass (3,) and second moments int x x^T dV (3, 3) about it, of the hull of points (k, 3).
+
+    Sums over the tetrahedra (0, a, b, c) of the triangles of the surface, 0 a point inside, with s = a + b + c: these
+    have the volume v = |a . (b x c)|/6, the first moment v s/4 and the second moments v (a a^T + b b^T + c c^T +
+    s s^T)/20.
+    """
+    origin = vertices.mean(axis=0)
+    a, b, c = (vertices - origin)[scipy.spatial.ConvexHull(vertices).simplices].transpose(1, 0, 2)
+    s = a + b + c
+    v = np.abs(np.sum(a * np.cross(b, c), axis=1)) / 6.0
+    volume = float(v.sum())
+    centre = v @ s / (4.0 * volume)
+    second = sum(np.einsum("k,ki,kj->ij", v, x, x) for x in (a, b, c, s)) / 20.0
+    return volume, origin + centre, second - volume * np.outer(centre, centre)
+
+
 def principal_frame(second: NDArray) -> tuple[NDArray, NDArray]:
     """Moments of inertia and their frame, from second moments int x x^T (dim, dim) about the centre of mass.
 

@@ -8,6 +8,7 @@ from .contact_fabric import Fabric, fabric
 from .cycles import stack_cycles
 from .event_energies import event_energies
 from .events import detect_events
+from .fragment_sizes import FragmentSizes, fragment_dimension, share_below
 from .healing import Healing, healing_rate
 from .profiles import BoundarySlip, ShearBand, boundary_slip, shear_band
 from .rate_and_state import friction_after_step, log_state_after_step, spring_slider
@@ -24,6 +25,7 @@ __all__ = [
     "Dilatancy",
     "Estimate",
     "Fabric",
+    "FragmentSizes",
     "Healing",
     "LawComparison",
     "Resampled",
@@ -40,10 +42,12 @@ __all__ = [
     "event_energies",
     "fabric",
     "fit_velocity_step",
+    "fragment_dimension",
     "friction_after_step",
     "healing_rate",
     "log_state_after_step",
     "magnitude_of_completeness",
+    "share_below",
     "shear_band",
     "spring_slider",
     "stack_cycles",

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.special import gamma
+from scipy.stats import kstest
 
 import taichi_lsm as lsm
+from taichi_lsm.bonds.bond_setup import bond_areas, bond_numbers
 from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import Effect
 from taichi_lsm.effects.elastic_brittle_bond import bond_energy, bond_reaction
@@ -119,11 +122,28 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
         ({"cohesion": 0.0}, "cohesion"),
         ({"friction_angle": 2.0}, "friction_angle"),
         ({"radius_ratio": np.inf}, "radius_ratio"),
+        ({"weibull_modulus": 0.0}, "weibull_modulus"),
+        ({"weibull_seed": 1.5}, "weibull_seed"),
     ],
 )
 def test_wrong_numbers_are_refused(more, field):
     with pytest.raises(lsm.InputError, match=field):
         bond(**more)
+
+
+@pytest.mark.parametrize("modulus", [2.0, 9.0])
+def test_strengths_scatter_as_weibull_says_and_keep_their_mean(modulus):
+    """Its distribution function of all drawn factors is uniform: Kolmogorov's distance for 20 000 of them."""
+    radii = np.full(20_000, RADIUS)
+    plain, scattered = bond().bond_strength(radii), bond(weibull_modulus=modulus).bond_strength(radii)
+    factors = scattered / plain
+    assert np.ptp(factors, axis=1).max() < 1e-12
+    chance = 1.0 - np.exp(-((factors[:, 0] * gamma(1.0 + 1.0 / modulus)) ** modulus))
+    assert kstest(chance, "uniform").pvalue > 0.01
+    variation = np.sqrt(gamma(1.0 + 2.0 / modulus) / gamma(1.0 + 1.0 / modulus) ** 2 - 1.0)
+    assert factors[:, 0].mean() == pytest.approx(1.0, abs=4.0 * variation / np.sqrt(20_000))
+    other = bond(weibull_modulus=modulus, weibull_seed=1).bond_strength(radii)
+    assert abs(np.corrcoef(factors[:, 0], other[:, 0])[0, 1]) < 0.03
 
 
 def test_wrong_bonds_are_refused():
@@ -141,6 +161,25 @@ def test_wrong_bonds_are_refused():
             scenes.scene(x, [bond()], bonds=bonds).stable_dt()
     with pytest.raises(lsm.InputError, match="both or neither"):
         scenes.scene(x, [lsm.LinearElastic(1.0)], bonds=[[0, 1]])
+
+
+def test_bonds_have_the_sections_that_are_given_in_whatever_order():
+    """A circle of the area in 3D, in 2D a rectangle as deep as the scene: EA/L and the strength in tension."""
+    x = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
+    for dim, modulus in ((2, 0.3**2 / (6.0 * 0.8)), (3, np.sqrt(0.3**3 / np.pi) / 4.0)):
+        given = {"bonds": [(2, 1), (0, 1)], "bond_area": [0.3, 0.6], "thickness": 0.8}
+        row = scenes.scene(x[:, :dim], [bond()], **given)
+        assert row.bonds.tolist() == [[0, 1], [1, 2]] and row.bond_area.tolist() == [0.6, 0.3]
+        stiffness, strength, _ = bond_numbers(row)
+        assert stiffness[:, 0] == pytest.approx(YOUNG * np.array([0.6, 0.3])) and bond_areas(row)[1] == 0.3
+        assert strength[1, [0, 2]] == pytest.approx(TENSILE * np.array([0.3, modulus]))
+    for more, text in (
+        ({"bond_area": [1.0]}, "one number > 0 m2 for each bond"),
+        ({"bond_area": [1.0, 0.0]}, "one number > 0"),
+        ({"bonds": None, "effects": [lsm.LinearElastic(1.0)]}, "given without bonds"),
+    ):
+        with pytest.raises(lsm.InputError, match=rf"Scene.bond_area: .*{text}"):
+            scenes.scene(x, **{"effects": [bond()], **given, **more})
 
 
 def test_the_stable_step_is_below_that_of_every_mode_of_a_pair():

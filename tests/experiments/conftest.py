@@ -15,7 +15,8 @@ def few_shapes():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(initial_grains, "SHAPES", {2: 2, 3: 1})
         patch.setattr(initial_grains, "AGGREGATES", 1)
-        for name in ("random_angular_shapes", "random_angular_polyhedra", "angular_aggregate"):
+        makers = ("random_angular_shapes", "random_angular_polyhedra", "angular_aggregate", "polyhedral_aggregate")
+        for name in makers:
             patch.setattr(lsm.shapes, name, remembered(getattr(lsm.shapes, name)))
         yield
 

@@ -210,6 +210,8 @@ def test_the_command_line_shows_no_traceback(tmp_path):
         f"normal-stress-steps --stress-ratio 0.5 {small}",
         f"stick-slip --load-stiffness-ratio none {small}",
         f"slide-hold-slide --longest-hold 1 {small}",
+        f"oedometer --normal-stiffness 1e9 {small}",
+        "crush-grain --youngs-modulus 1e9",
     ]
     assert {line.split()[0] for line in lines} >= set(WORKFLOWS)
     (tmp_path / "lines.json").write_text(json.dumps(lines))

@@ -113,6 +113,13 @@ def test_the_grains_of_a_run_are_those_that_its_file_names(title, words):
     assert grains_of_run(xr.Dataset(attrs={"title": title}), params).startswith(words)
 
 
+def test_the_scatter_of_bonds_is_named_where_there_is_one():
+    run = xr.Dataset(attrs={"title": "Shear of a layer of breakable grains in 3D"})
+    given = {"shape": "angular", "breakable": True, "dim": 3}
+    assert grains_of_run(run, shear_gouge.Params(weibull_modulus=5, **given)).endswith("Weibull modulus 5)")
+    assert grains_of_run(run, shear_gouge.Params(**given)).endswith("times the normal stress)")
+
+
 def test_effects_beside_the_usual_ones_are_in_the_title(sheared):
     _, _, run = sheared("sphere")
     assert other_effects(run) == ""

@@ -19,7 +19,7 @@ import xarray
 
 import taichi_lsm as lsm
 import workflows
-from workflows import compare_shapes, normal_stress_steps, shear_gouge, stick_slip, velocity_steps
+from workflows import compare_shapes, normal_stress_steps, oedometer, shear_gouge, stick_slip, velocity_steps
 from workflows.common.discovery import find_workflows
 from workflows.common.parameter_types import choices, kind, members
 from workflows.common.parameters import ParameterError, merge, option_name
@@ -60,6 +60,10 @@ BASES = {
     "stick-slip": [
         {name: value for name, value in STEPPED.items() if name not in ("cycles", "step_slip")}
         | {"load_stiffness": 1e3, "strain": 0.3, "row_time": 0.1}
+    ],
+    "oedometer": [
+        {name: value for name, value in LAYER.items() if name not in ("strain", "inertial_number")}
+        | {"stress_ratio": 3.0, "levels": 3, "level_time": 4.0, "row_time": 0.5}
     ],
     "compare-shapes": [
         LAYER | {"replicas": 1},
@@ -191,8 +195,11 @@ ROWS = (
 )
 
 
-StagedParams = (velocity_steps.Params, normal_stress_steps.Params, stick_slip.Params)
-EXPERIMENTS = ((velocity_steps, "STEPS"), (normal_stress_steps, "STEPS"), (stick_slip, "STICK_SLIP"))
+StagedParams = (velocity_steps.Params, normal_stress_steps.Params, stick_slip.Params, oedometer.Params)
+EXPERIMENTS = (
+    *((velocity_steps, "STEPS"), (normal_stress_steps, "STEPS")),
+    *((stick_slip, "STICK_SLIP"), (oedometer, "OEDOMETER")),
+)
 
 
 @pytest.fixture
@@ -293,6 +300,7 @@ REFUSED = [
     ({}, "corner_radius", "0.05"),
     ({}, "pieces", "7"),
     ({"shape": "angular"}, "bond_strength", "20"),
+    ({"shape": "angular"}, "weibull_modulus", "5"),
     ({"effects": [RATE_AND_STATE]}, "friction", "0.5"),
     ({"effects": [RATE_AND_STATE]}, "tangential_ratio", "0.5"),
     ({"effects": [HERTZ]}, "stiffness_number", "1000"),
@@ -385,7 +393,7 @@ def test_every_option_of_the_other_workflows_is_read_by_their_own_modules(name):
             if (
                 home[0] == "workflows"
                 and len(home) > 2 - (home[-1] == "hard")
-                and home[1] in ("accuracy", "cell", "energy", "hard", "gouge")
+                and home[1] in ("accuracy", "cell", "crush", "energy", "hard", "gouge")
             ):
                 own += sorted((root / home[1]).glob("*.py"))
     unread = set(names) - set().union(*(read_in(path, names) for path in own))

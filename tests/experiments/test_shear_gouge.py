@@ -36,8 +36,7 @@ def test_every_wrong_value_is_reported():
         ({"strain": 1.0, "steady_from": 1.0}, "steady_from"),
         ({"strain": 1.05, "steady_from": 1.0}, "needs 12 rows"),
         ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "stiffness_number"),
-        ({"shape": "sphere", "breakable": True}, "breakable needs shape angular dim 2"),
-        ({"shape": "angular", "dim": 3, "breakable": True}, "not shape angular dim 3"),
+        ({"shape": "sphere", "breakable": True}, "breakable needs shape angular, not shape round"),
         ({"dim": 3, "platen_roughness": 1.5}, "platen_roughness 1.5 must be <= 1 in 3D"),
         ({"target_error": 0.01, "load_stiffness": 1e3}, "target_error is for layers of whole grains"),
         (
@@ -45,6 +44,7 @@ def test_every_wrong_value_is_reported():
             "load_stiffness and load_stiffness_ratio are ways to give",
         ),
         ({"shape": "angular", "breakable": True, "pieces": 16, "stiffness_number": 300.0}, "must be >= 400"),
+        ({"shape": "angular", "dim": 3, "breakable": True, "pieces": 27, "stiffness_number": 299.0}, "must be >= 300"),
     ],
 )
 def test_values_that_contradict_each_other_are_refused(values, words):
@@ -275,43 +275,6 @@ def test_the_summary_of_a_spring_and_of_broken_bonds(sheared):
     assert found == {"bonds": 60, "fragments": 25, "bonds_broken": 1 - 60 / first, "load_stiffness": 2e9 * params.area}
     assert metrics["contact_stiffness"].value == params.stiffness and metrics["layer_area"].value == params.area
     assert not {"bonds", "load_stiffness"} & set(shear_gouge.analyse(dataset, params))
-
-
-def test_breakable_grains_are_bonded_pieces_of_their_area():
-    params = shear_gouge.Params(shape="angular", breakable=True, pieces=8, grains=30, length=10)
-    scene = shear_gouge.build(params)
-    mobile = scene.platen_index < 0
-    assert mobile.sum() == 8 * 30 and scene.bonds.max() < 8 * 30
-    assert (scene.bonds[:, 0] // 8 == scene.bonds[:, 1] // 8).all()
-    assert len(np.unique(scene.bonds // 8)) == 30
-    area = (scene.diameter[mobile].reshape(30, 8) ** 2).sum(axis=1)
-    assert (area >= params.smallest_diameter**2).all() and (area <= params.largest_diameter**2).all()
-    apart = np.linalg.norm(np.subtract(*scene.position[scene.bonds.T]), axis=1)
-    assert (apart < 0.75 * scene.diameter[scene.bonds].sum(axis=1)).all()  # as tiles lie that share a side
-
-
-@pytest.mark.validate
-def test_grains_break_as_a_layer_is_sheared(runtime, tmp_path):
-    params = shear_gouge.Params(
-        shape="angular",
-        breakable=True,
-        grains=40,
-        length=6,
-        inertial_number=2e-2,
-        strain=0.3,
-        steady_from=0.1,
-        precision=runtime.precision,
-    )
-    dataset = shear_gouge.run(params, tmp_path)
-    bonds, fragments = dataset.bond_count.values, dataset.fragment_count.values
-    assert fragments[0] == 40 < fragments[-1] <= 40 * params.pieces
-    assert (np.diff(bonds) <= 0).all() and (np.diff(fragments) >= 0).all()
-    assert shear_gouge.analyse(dataset, params)["energy_residual"].value < 1e-3
-    assert "elastic_brittle_bond" in dataset.effect_name.values
-    grains = lsm.open_run(tmp_path / "grains.nc")
-    assert grains.sizes["bond"] == bonds[0] == grains.bond_intact.values[0].sum()
-    assert grains.bond_intact.values[-1].sum() == bonds[-1]
-    assert (grains.bond_first < grains.bond_second).all()
 
 
 @pytest.mark.validate

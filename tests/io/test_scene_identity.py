@@ -30,6 +30,7 @@ CHANGES = {  # of each input that must be the same, one that no other check of t
     "thickness": 2.0,
     "area": 3.0,
     "bonds": [(2, 3)],
+    "bond_area": [0.7],
     "integrator": lsm.VelocityVerlet,
     "track_dissipation": False,
     "dim": 3,

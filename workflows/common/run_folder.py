@@ -29,11 +29,11 @@ TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_
 TABLES = (
     *("run", "grains", "stopped", *CHECKPOINTS),
     *("target", "compare", "energy", "drift", "roughness", "accuracy", "hard_cases"),
-    *("cycles", "events", "healing"),
+    *("cycles", "events", "healing", "fragments", "crush", "compression"),
 )
 PICTURES = (
     *("run", "stopped", "friction", "energy", "roughness", "work_precision", "tenfold", "hard_cases"),
-    *("steps", "events", "healing"),
+    *("steps", "events", "healing", "fragments", "crush", "compression"),
 )
 # All files of all experiments: a folder may have held another one.
 WRITTEN = {

@@ -28,7 +28,7 @@ REPLACED = {  # parameters of the default effects, by the role of an effect that
     "elasticity": ("stiffness_number",),
     "damping": ("restitution",),
     "friction": ("friction", "tangential_ratio"),
-    "bonds": ("bond_strength",),
+    "bonds": ("bond_strength", "weibull_modulus"),
 }
 
 
@@ -208,9 +208,14 @@ class GrainParams(BaseParams):
         return 1
 
     @property
+    def pieces_across(self) -> float:
+        """Diameter of a grain over that of one of its pieces [1]."""
+        return self.pieces_of_one ** (1.0 / self.dim)
+
+    @property
     def least_stiffness_number(self) -> float:
         """Least stiffness number with which overlaps of angular grains stay within what their corners carry [1]."""
-        return 5.0 / self.corner_radius * self.pieces_of_one**0.5
+        return 5.0 / self.corner_radius * self.pieces_across
 
     @property
     def layer(self) -> tuple[float, tuple[float, ...]]:

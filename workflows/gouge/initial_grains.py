@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
 from workflows.common.refusals import in_terms_of
@@ -13,7 +14,7 @@ from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_parameters import LayerParams
 
 if TYPE_CHECKING:
-    from taichi_lsm.shapes import GrainShape
+    from taichi_lsm.shapes import Aggregate, GrainShape
 
     Spheres = tuple[NDArray, NDArray]  # centres (m, dim) and diameters (m,) [m] of the grains of a platen
     Platens = tuple[Spheres, Spheres]  # the lower and the upper one
@@ -43,6 +44,8 @@ class MobileGrains(NamedTuple):
         Heights [m] by which the lower and the upper platen are raised from where they were given.
     bonds
         Pairs (m, 2) of bonded pieces; None of whole grains.
+    bond_area
+        Areas (m,) [m2] of the faces that the pieces of a pair share, in 3D; else None.
     """
 
     shapes: "list[GrainShape]"
@@ -51,7 +54,8 @@ class MobileGrains(NamedTuple):
     diameter: NDArray
     rotation: NDArray
     platen_heights: tuple[float, float]
-    bonds: NDArray | None
+    bonds: NDArray | None = None
+    bond_area: NDArray | None = None
 
 
 def least_cell(params: GrainParams, across: float, what: str) -> None:
@@ -97,7 +101,7 @@ def whole_grains(
     """
     shapes, unplaced = unplaced_grains(params, rng, count, shapes, progress, given)
     position, heights = _between(params, rng, unplaced, platens)
-    return MobileGrains(shapes, unplaced.kind, position, unplaced.diameter, unplaced.rotation, heights, None)
+    return MobileGrains(shapes, unplaced.kind, position, unplaced.diameter, unplaced.rotation, heights)
 
 
 def unplaced_grains(
@@ -155,34 +159,98 @@ def breakable_grains(
     shapes: "list[GrainShape]",
     progress: Progress | None = None,
 ) -> MobileGrains:
-    """As `whole_grains`, but pieces of `count` breakable grains (2D), with the bonds between them."""
+    """As `whole_grains`, but pieces of `count` breakable grains, with the bonds between them."""
     p = params
     with in_terms_of(
         f"--pieces {p.pieces}, --corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"
     ):
         kinds = min(count, AGGREGATES)
         made, whole = _making_shapes(progress, kinds), []
+        aggregate = lsm.shapes.angular_aggregate if p.dim == 2 else lsm.shapes.polyhedral_aggregate
         for i in range(kinds):
-            whole.append(lsm.shapes.angular_aggregate(p.pieces, [p.seed, i], p.corner_radius))
+            whole.append(aggregate(p.pieces, [p.seed, i], p.corner_radius))
             made(len(whole))
     size = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     kind = rng.integers(0, len(whole), count)
-    angle = lsm.random_rotations(rng, count, p.dim)
+    rotation = lsm.random_rotations(rng, count, p.dim)
     reach = np.array([grain.reach for grain in whole])[kind] * size
-    unplaced = Unplaced([grain.spanning_balls() for grain in whole], kind, size, angle, reach)
+    unplaced = Unplaced([grain.spanning_balls() for grain in whole], kind, size, rotation, reach)
     middle, heights = _between(p, rng, unplaced, platens)
-    c, s = np.cos(angle), np.sin(angle)
-    rotate = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
-    arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
-    position = middle[:, None] + np.einsum("nab,npb->npa", rotate, arms)
-    diameter = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
-    shape_index = len(shapes) + kind[:, None] * p.pieces + np.arange(p.pieces)
-    bonds = np.concatenate([whole[k].pairs + i * p.pieces for i, k in enumerate(kind)])
+    pieces = placed_pieces(whole, kind, size, rotation, middle)
+    # In 2D bonds have one width in diameters of the pieces, about that of the sides that they share.
+    area = None if p.dim == 2 else pieces.bond_area
+    shape_index = len(shapes) + pieces.shape_index
     shapes = shapes + [piece for grain in whole for piece in grain.shapes]
-    rotation = np.repeat(angle, p.pieces)
     return MobileGrains(
-        shapes, shape_index.ravel(), position.reshape(-1, 2), diameter.ravel(), rotation, heights, bonds
+        shapes, shape_index, pieces.position, pieces.diameter, pieces.rotation, heights, pieces.bonds, area
     )
+
+
+class Pieces(NamedTuple):
+    """The pieces of n breakable grains of m pieces each, those of a grain in a row.
+
+    Attributes
+    ----------
+    shape_index
+        Row of all shapes of all kinds of grains, one after the other (n m,).
+    position, diameter
+        Places (n m, dim) and equivalent diameters (n m,) [m].
+    rotation
+        Angles (n m,) [rad] in 2D, unit quaternions (n m, 4) in 3D.
+    bonds, bond_area
+        Pairs (p, 2) of pieces, and what they share (p,): sides [m] in 2D, areas [m2] of faces in 3D.
+    """
+
+    shape_index: NDArray
+    position: NDArray
+    diameter: NDArray
+    rotation: NDArray
+    bonds: NDArray
+    bond_area: NDArray
+
+
+def placed_pieces(
+    whole: "Sequence[Aggregate]", kind: NDArray, size: NDArray, rotation: NDArray, place: NDArray
+) -> Pieces:
+    """Pieces of breakable grains in their places.
+
+    Parameters
+    ----------
+    whole
+        The kinds of grains, of equally many pieces.
+    kind, size, rotation, place
+        Of each grain its kind (n,), equivalent diameter (n,) [m], orientation as of `lsm.random_rotations`, and centre
+        of mass (n, dim) [m].
+    """
+    count, dim = len(whole[0].shapes), place.shape[1]
+    arms = size[:, None, None] * np.array([grain.position for grain in whole])[kind]
+    matrix, of_pieces = _rotated(rotation, np.array([grain.rotation for grain in whole])[kind])
+    position = place[:, None] + np.einsum("nab,npb->npa", matrix, arms)
+    diameter = size[:, None] * np.array([grain.diameter for grain in whole])[kind]
+    return Pieces(
+        (kind[:, None] * count + np.arange(count)).ravel(),
+        position.reshape(-1, dim),
+        diameter.ravel(),
+        of_pieces,
+        np.concatenate([whole[k].pairs + i * count for i, k in enumerate(kind)]),
+        np.concatenate([whole[k].area * size[i] ** (dim - 1) for i, k in enumerate(kind)]),
+    )
+
+
+def _rotated(rotation: NDArray, pieces: NDArray) -> tuple[NDArray, NDArray]:
+    """Rotation matrices (n, dim, dim) of grains, and orientations of their m pieces, n m in a row.
+
+    rotation: of the grains, as of `lsm.random_rotations`; pieces: of each piece in its grain, angles (n, m) or
+    quaternions (n, m, 4).
+    """
+    if rotation.ndim == 1:
+        c, s = np.cos(rotation), np.sin(rotation)
+        matrix = np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
+        return matrix, (rotation[:, None] + pieces).ravel()
+    grains = Rotation.from_quat(rotation, scalar_first=True)
+    repeated = Rotation.from_quat(np.repeat(rotation, pieces.shape[1], axis=0), scalar_first=True)
+    placed = repeated * Rotation.from_quat(pieces.reshape(-1, 4), scalar_first=True)
+    return grains.as_matrix(), placed.as_quat(scalar_first=True)
 
 
 class Unplaced(NamedTuple):

@@ -48,9 +48,10 @@ def grains_of_run(run: xarray.Dataset, params: Any) -> str:
     words = of_title[1] if of_title else shape_words(params.shape, params.dim)
     if words != "breakable grains":
         return words
-    pieces, strength = (getattr(params, name, None) for name in ("pieces", "bond_strength"))
+    pieces, strength, modulus = (getattr(params, n, None) for n in ("pieces", "bond_strength", "weibull_modulus"))
     known = [f"{pieces} pieces each"] if pieces else []
     known += [f"bond strength {strength:g} times the normal stress"] if strength else []
+    known += [f"Weibull modulus {modulus:g}"] if isinstance(modulus, int | float) and modulus == modulus else []
     return f"breakable {shape_words(params.shape, params.dim)}" + (f" ({', '.join(known)})" if known else "")
 
 

@@ -60,7 +60,7 @@ def expected_step(params: GrainParams) -> float:
     """Time step [s] of two grains of the least size, whose frequencies bound those of the layer."""
     p = params
     broken = p.pieces_of_one > 1
-    size = p.smallest_diameter / p.pieces_of_one**0.5
+    size = p.smallest_diameter / p.pieces_across
     two = scene_of(
         2.0 * size * np.eye(2, p.dim),
         effects_of(p),

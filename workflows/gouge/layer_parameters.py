@@ -32,10 +32,16 @@ class LayerParams(GrainParams):
         le=3.0,
         description="diameter of the platens' grains over that of the mobile ones: the roughness of the walls [1]",
     )
-    breakable: bool = Field(default=False, description="angular grains are bonded pieces that can break, 2D only")
+    breakable: bool = Field(default=False, description="angular grains are bonded pieces that can break")
     pieces: int = Field(default=7, ge=2, le=40, description="pieces of a breakable grain [1]")
     bond_strength: float = Field(
         default=20.0, ge=1e-6, le=1e6, description="tensile strength of the bonds over the normal stress [1]"
+    )
+    weibull_modulus: float | None = Field(
+        default=None,
+        ge=1,
+        le=1e3,
+        description="Weibull modulus of the scatter of the strengths of bonds, with --seed; none: no scatter [1]",
     )
     load_stiffness: float | None = Field(
         default=None,
@@ -68,8 +74,8 @@ class LayerParams(GrainParams):
     def problems_of_grains(self) -> Iterator[str]:
         """Contradictions among the grains, in what breaks, at the platens and of the spring of the load point."""
         yield from super().problems_of_grains()
-        if self.breakable and (self.shape != "angular" or self.dim != 2):
-            yield f"--breakable needs --shape angular --dim 2, not --shape {self.shape} --dim {self.dim}"
+        if self.breakable and self.shape != "angular":
+            yield f"--breakable needs --shape angular, not --shape {self.shape}"
         if self.dim == 3 and self.platen_roughness > 1.0:
             yield f"--platen-roughness {self.platen_roughness:g} must be <= 1 in 3D: mobile grains would pass"
         springs = [name for name in SPRINGS if getattr(self, name)]
@@ -96,7 +102,7 @@ class LayerParams(GrainParams):
         """As of grains; and parameters of grains that break."""
         found = super().idle()
         if not self.breakable:
-            found |= dict.fromkeys(("pieces", "bond_strength"), "without --breakable")
+            found |= dict.fromkeys(("pieces", "bond_strength", "weibull_modulus"), "without --breakable")
         return found
 
     @property

@@ -29,8 +29,10 @@ from workflows.common.run_folder import (
 )
 from workflows.common.stopwatch import Stopwatch
 from workflows.gouge.expected_shear import expected
+from workflows.gouge.fragments import conclude_fragments
 from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_cost import start_seconds
+from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_schedule import CONSOLIDATE
 from workflows.gouge.subject import LAYER, Subject
 from workflows.plots import run_plots
@@ -233,6 +235,8 @@ def _conclude(
     if progress:
         progress({"stage": "analysing and drawing"})
     metrics = experiment.conclude(dataset, params, out)
+    if isinstance(params, LayerParams) and params.breakable:
+        metrics |= conclude_fragments(dataset, params, out)
     metrics["grain_steps_per_second"] = Metric(rate, "s-1", note=None if rate == rate else "unknown: too few rows")
     metrics |= watch.metrics()
     write_summary(out, experiment.name, params.preset_name, metrics, quiet=progress is None)

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from taichi_lsm.effects import Effect
     from taichi_lsm.shapes import GrainShape
 
-BOND_WIDTH = 0.55  # of the bonds between pieces, in their diameter: about the side that two tiles share
+BOND_WIDTH = 0.55  # of the bonds between pieces in 2D, in their diameter: about the side that two tiles share
+BOND_AREA = 0.25  # likewise in 3D, of the faces that two pieces share, in squared diameters of a piece
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
@@ -139,10 +140,8 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
     else:
         grains = whole_grains(p, rng, mobile_count(p), (low, high), [one], progress, shapes)
     position = np.concatenate([grains.position, low[0], high[0]])
-    first_low, first_high = len(grains.position), len(grains.position) + len(low[0])
-    position[first_low:first_high, 1] += grains.platen_heights[0]
-    position[first_high:, 1] += grains.platen_heights[1]
     sizes, glued = grains.diameter, np.repeat([0, 1], [len(low[0]), len(high[0])])
+    position[len(sizes) :, 1] += np.array(grains.platen_heights)[glued]
 
     servo = _servo(p, sizes, high[1])
     still = [lsm.Fixed()] * (dim - 2)
@@ -166,6 +165,7 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
             ],
             effects=effects_of(p),
             bonds=grains.bonds,
+            bond_area=grains.bond_area,
             thickness=d,
             area=area,
             safety=p.step_safety,
@@ -240,14 +240,27 @@ def effects_of(params: GrainParams) -> list[Effect]:
 
 
 def _bond(p: LayerParams) -> lsm.effects.ElasticBrittleBond:
-    """Bonds about as stiff as a contact, k_n = E (width R T)/(2 R) = k; of the strength asked for."""
+    """Bonds about as stiff as a contact, of the strength asked for.
+
+    Softer ones would let pieces overlap under pressure by more than contacts do, and a break would add energy.
+    """
     return lsm.effects.ElasticBrittleBond(
-        youngs_modulus=p.stiffness / (BOND_WIDTH * p.diameter),
+        youngs_modulus=p.stiffness / bond_length(p.diameter, p.dim, p.pieces),
         poissons_ratio=BOND_POISSON,
         cohesion=p.bond_strength * p.normal_stress * np.tan(BOND_ANGLE),
         friction_angle=BOND_ANGLE,
         radius_ratio=BOND_WIDTH,
+        weibull_modulus=np.inf if p.weibull_modulus is None else p.weibull_modulus,
+        weibull_seed=0 if p.weibull_modulus is None else p.seed,
     )
+
+
+def bond_length(diameter: float, dim: int, pieces: int) -> float:
+    """Length A/L [m] of an average bond in grains of a diameter [m]: its stiffness k_n = E A/L over its modulus.
+
+    In 2D that is (width R T)/(2 R) with the thickness T = d, in 3D a face of BOND_AREA over the diameter of a piece.
+    """
+    return BOND_WIDTH * diameter if dim == 2 else BOND_AREA * diameter / pieces ** (1.0 / 3.0)
 
 
 def shear_drive(

@@ -14,6 +14,7 @@ from workflows.protocol.stage_tables import Interval, Planned, Sample, planned
 
 TOML_NAME = {SHEAR_RATE: "velocity", SHEAR_STRESS: "shear_stress", NORMAL_STRESS: "normal_stress"}
 SNAPSHOT_STRAIN = 1.0  # shear strain from snapshot to snapshot of a stage
+BREAKING_STRAIN = 0.25  # likewise of grains that break, whose fragments are those of the snapshots
 SAMPLES_PER_ROW = 5  # with more, diagnostics would not stay below 3 % of a run: benchmarks/output_cost.py
 
 
@@ -65,7 +66,7 @@ def _stage(params: GrainParams, dt: float, stage: Planned, first: dict[str, Chan
         drives=drives,
         cycle=stage.cycle,
         kept=kept,
-        snapshot_strain=SNAPSHOT_STRAIN,
+        snapshot_strain=SNAPSHOT_STRAIN if p.pieces_of_one == 1 else BREAKING_STRAIN,
     )
 
 

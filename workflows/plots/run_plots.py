@@ -220,7 +220,7 @@ def _draw_stages(axes: Any, sheared: xarray.Dataset, params: Any, course: Course
         diameters = 2.0 * slip_of(sheared) / (params.smallest_diameter + params.largest_diameter)
         slip.plot(course.values, diameters, color="0.35", lw=1.0, ls="-.")
         slip.set_ylabel("slip [mean diameters] (dash-dotted)")
-        slip.set_ylim(0.0, SPACE * float(diameters[-1]))
+        slip.set_ylim(0.0, SPACE * float(diameters[-1]) or 1.0)  # without slip in an oedometer
         slip.spines["right"].set_visible(True)
     mark_stages(axes, course.values, sheared)
     draw_zero(axes)

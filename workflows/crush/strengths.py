@@ -1,0 +1,134 @@
+"""Strengths of crushed grains: when each splits, their mean and their Weibull modulus; the file crush.nc."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import taichi_lsm as lsm
+from workflows.common.metrics import Metric, metrics_of_value
+from workflows.common.run_table import attributes_of
+
+if TYPE_CHECKING:
+    import xarray
+
+    from workflows.crush_grain import Params
+
+FILE = "crush.nc"
+SPLIT = 0.8  # of the mass of a grain: once its largest fragment has less, it has split; before, corners came off
+CLOSED = 1e-3  # claimed of the energy residual over the work of the platen
+ROWS = {  # of a row: unit, meaning
+    "work": ("J", "work of the upper platen"),
+    "elastic_energy": ("J", "energy in contacts and bonds"),
+    "kinetic_energy": ("J", "kinetic energy"),
+    "dissipated_energy": ("J", "energy dissipated by all effects"),
+    "fracture_energy": ("J", "energy dissipated by broken bonds"),
+    "energy_residual": ("J", "what the budget of these leaves open"),
+}
+OF_GRAINS = {  # of a grain in a row
+    "force": ("N", "force on the upper platen"),
+    "fragments": ("1", "number of fragments"),
+    "largest_share": ("1", "share of the mass in the largest fragment"),
+}
+
+
+def section_of(params: Params) -> float:
+    """Area [m2] by which a force F is divided: sigma = F/h^2 in 3D, 2 F/(pi h T) with T = h in 2D, h the height.
+
+    Jaeger (1967), Int. J. Rock Mech. Min. Sci. 4, 219, for irregular grains; the Brazilian test for discs.
+    """
+    return params.height**2 * (1.0 if params.dim == 3 else 0.5 * float(np.pi))
+
+
+def strengths_of(force: NDArray, largest_share: NDArray) -> tuple[NDArray, NDArray]:
+    """Greatest force (grain,) [N] that each grain bears until it splits, and the row of it; nan and -1 if it does not.
+
+    force [N], largest_share [1], of the mass in the largest fragment: (row, grain). Pieces that are left between the
+    platens may bear more than the grain did: they do not count.
+    """
+    most = np.maximum.accumulate(force, axis=0)
+    failed = largest_share < SPLIT
+    row = np.where(failed.any(axis=0), np.argmax(failed, axis=0), -1)
+    grains = np.arange(force.shape[1])
+    peak = np.array([int(np.argmax(force[: r + 1, g])) if r >= 0 else -1 for g, r in zip(grains, row, strict=True)])
+    return np.where(row >= 0, most[row, grains], np.nan), peak
+
+
+def weibull_of(strengths: NDArray) -> lsm.statistics.Estimate:
+    """Weibull modulus m of strengths (n,) by maximum likelihood, P(s) = 1 - exp(-(s/s_0)^m), with its error.
+
+    m solves 1/m = sum s^m ln s/sum s^m - <ln s>; its error is m sqrt(6)/(pi sqrt(n)) for large n, and m is too large
+    by about 1.4 m/n, which is taken off (Thoman, Bain & Antle 1969, Technometrics 11, 445).
+    """
+    from scipy.stats import weibull_min
+
+    n = len(strengths)
+    fitted: Any = weibull_min.fit(strengths, floc=0.0)
+    m = float(fitted[0]) / (1.0 + 1.4 / n)
+    return lsm.statistics.Estimate(m, m * float(np.sqrt(6.0 / n) / np.pi), n, n - 1.0)
+
+
+def write_crushing(out: Path, columns: dict[str, NDArray], params: Params, dt: float) -> xarray.Dataset:
+    """Write crush.nc and return it; columns: rows as `crush_grain.press` gives them, dt: time step [s]."""
+    import xarray
+
+    along = columns["time"] / columns["time"][-1] * params.compression
+    strength, peak = strengths_of(columns["force"], columns["largest_share"])
+    data = {n: ("row", columns[n], {"units": u, "long_name": w}) for n, (u, w) in ROWS.items()}
+    data |= {n: (("row", "grain"), columns[n], {"units": u, "long_name": w}) for n, (u, w) in OF_GRAINS.items()}
+    words = "greatest force until the grain split, over its section; nan if it did not"
+    data["strength"] = ("grain", strength / section_of(params), {"units": "Pa", "long_name": words})
+    data["peak_row"] = ("grain", peak, {"units": "1", "long_name": "row of that force, -1 if the grain did not split"})
+    coords = {
+        "time": ("row", columns["time"], {"units": "s", "long_name": "time"}),
+        "compression": ("row", along, {"units": "1", "long_name": "way of the platen over the height of a grain"}),
+    }
+    title, summary = (
+        "Crushing of single grains",
+        "Each grain on its own between two platens, the upper one moving down.",
+    )
+    attributes = attributes_of(params, title, summary, params.seed, dt)
+    dataset = xarray.Dataset(data, coords, attributes | {"run_status": "complete"})
+    with lsm.replacing(out / FILE) as new:
+        dataset.to_netcdf(new, engine="netcdf4", encoding={name: {"_FillValue": None} for name in dataset.variables})
+    return lsm.open_run(out / FILE)
+
+
+def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
+    """Metrics of crushed grains, in docs/breakable-grains.md."""
+    strength = dataset.strength.values
+    failed = strength[np.isfinite(strength)]
+    metrics = {
+        "grains_split": Metric(len(failed), "1", note=f"of {len(strength)}"),
+        **_mean(failed, params),
+        "fragments": Metric(float(dataset.fragments.values[-1].mean()), "1", note="mean of a grain at the end"),
+        "fracture_energy": Metric(
+            float(dataset.fracture_energy.values[-1] / dataset.work.values[-1]),
+            "1",
+            note="of broken bonds over the work of the platen, at the end",
+        ),
+    }
+    closed = float(np.abs(dataset.energy_residual.values).max() / np.abs(dataset.work.values).max())
+    remedy = "work, storage and losses do not balance: lower --step-safety"
+    note = "greatest residual over the work of the platen"
+    return metrics | {"energy_residual": Metric(closed, "1", CLOSED, closed < CLOSED, note=note, remedy=remedy)}
+
+
+def _mean(failed: NDArray, params: Params) -> dict[str, Metric]:
+    """Mean strength, also over that of the bonds, and the Weibull modulus, with their errors."""
+    n = len(failed)
+    if n < 2:
+        few = f"unknown: {n} grains split, at least 2 are needed: raise --grains or --compression"
+        return {name: Metric(None, unit, note=few) for name, unit in (("strength", "Pa"), ("strength_ratio", "1"))}
+    found = lsm.statistics.Estimate(float(failed.mean()), float(failed.std(ddof=1) / np.sqrt(n)), n, n - 1.0)
+    ratio = found._replace(
+        mean=found.mean / params.tensile_strength, standard_error=found.standard_error / params.tensile_strength
+    )
+    return {
+        **metrics_of_value("strength", found, "Pa", "mean of the grains that split"),
+        **metrics_of_value("strength_ratio", ratio, "1", "the same over the tensile strength of the bonds"),
+        **metrics_of_value("weibull_modulus", weibull_of(failed), "1", "of the strengths of the grains"),
+    }
