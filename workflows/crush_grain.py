@@ -75,7 +75,7 @@ class Params(BaseParams):
         "smoke": {"grains": 3, "pieces": 5, "speed": 3e-4, "compression": 0.015, "rows": 60},
         "demo": {"grains": 10, "speed": 1e-4},
         "standard": {},
-        "reference": {"grains": 100, "pieces": 30, "speed": 1e-5},
+        "reference": {"grains": 100, "pieces": 30, "youngs_modulus": 1e11, "speed": 1e-5},
     }
 
     @model_validator(mode="after")

@@ -269,7 +269,8 @@ class FreedContacts:
         gain = 0.0 * contact.depth
         if contact.touching == 1:
             self.pairs.status[s] = ti.cast(TOUCHING, ti.i8)
-            half = ti.cast(0.5 * self.forces.correction.elastic_force(depth) * n, ti.f64)
+            radius = self.forces.correction.reduced_radius(k, l, s)
+            half = ti.cast(0.5 * self.forces.correction.elastic_force(depth, radius) * n, ti.f64)
             self.bonds.force[b] = self.bonds.force[b] - half
             self.bonds.torque_first[b] = self.bonds.torque_first[b] + torque_of(arm_k, half)
             self.bonds.torque_second[b] = self.bonds.torque_second[b] - torque_of(arm_l, half)

@@ -24,8 +24,9 @@ from workflows.protocol import finished_parts
 # Experiments whose runs have checkpoints: test_resume.py, and tests/workflows/common/test_parallel_runs.py for several.
 OF_LAYERS = {
     *("shear-gouge", "compare-shapes", "velocity-steps", "slide-hold-slide", "stick-slip", "normal-stress-steps"),
-    "shear-cell",
+    *("shear-cell", "oedometer"),
 }
+ONE_SCENE = {"crush-grain"}  # of all grains at once, which is made anew
 TIMED = {"seconds"}  # variables that no two runs share
 
 
@@ -122,7 +123,7 @@ def variables(folder):
     return {key: values for key, values in found.items() if key[1] not in TIMED}
 
 
-@pytest.mark.parametrize("name", sorted(find_workflows().keys() - OF_LAYERS))
+@pytest.mark.parametrize("name", sorted(find_workflows().keys() - OF_LAYERS - ONE_SCENE))
 def test_a_run_that_goes_on_makes_the_missing_parts_alone(name, tmp_path, monkeypatch, capsys):
     module, parts = find_workflows()[name], Parts()
     monkeypatch.setattr(finished_parts, "fresh_processes", no_processes)
