@@ -25,6 +25,8 @@ Grains as clumps of spheres within their surfaces, at {time!r} s, SI units
 #   fix grain all property/atom mol ghost yes
 #   read_data {name} fix grain NULL Molecules
 {groups}
+#   thermo_style custom step atoms
+# The last line leaves out the temperature, for which rigid grains have too few degrees of freedom.
 # The spheres of a grain share its mass. They overlap, so that the moments of inertia are near those of the grain only.
 
 {atoms} atoms
