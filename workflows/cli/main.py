@@ -188,9 +188,8 @@ def build_app(found: dict[str, ModuleType]) -> App:
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
-    app.command(export, name="export", group=others_group)
     studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
-    for name, command in (studies | {"resume": resume_run, "info": info}).items():
+    for name, command in (studies | {"export": export, "resume": resume_run, "info": info}).items():
         app.command(command, name=name, group=others_group)
     return app
 
