@@ -71,6 +71,22 @@ def test_files_of_the_recorder_hold_what_the_outlines_need(sheared):
     assert area * params.density * params.diameter == pytest.approx(float(dataset.mass.sum()), rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("shape", "parts", "edge_radius"),
+    [(lsm.shapes.crossed_bars(), [0] * 8 + [1] * 8, 0.0), (TETRAHEDRON, [0] * 8, TETRAHEDRON.dilation)],
+    ids=["cross", "tetrahedron"],
+)
+def test_the_recorder_tells_the_part_of_every_patch_and_the_radius_of_its_edges(shape, parts, edge_radius):
+    from taichi_lsm.io.layer_recorder import _constants
+
+    scene = lsm.Scene(
+        dim=shape.dim, position=np.zeros((1, shape.dim)), shapes=[shape], diameter=1e-3, density=2650.0, effects=[]
+    )
+    constants = _constants(scene)
+    assert constants["patch_part"].tolist() == parts and constants["patch_part"].dtype == np.int32
+    assert constants["patch_edge_radius"].tolist() == [edge_radius] * len(parts)
+
+
 def test_what_is_no_grains_file_is_refused(plane):
     dataset = lsm.open_run(plane)
     with pytest.raises(lsm.InputError, match=r"lacks patch_part, must be a grains.nc of this version"):
