@@ -36,19 +36,21 @@ def test_frames_are_the_snapshots(exported, dim):
         now, box = grains.isel(time=i), frame.configuration.box
         assert frame.configuration.dimensions == dim and frame.particles.N == 9
         assert np.abs(frame.particles.position / box[:3]).max() <= 0.5 + 1e-6
-        unwrapped = frame.particles.position + frame.particles.image * box[:3]
+        unit = float(now.shape_scale.mean())
+        assert frame.log["length_unit"] == pytest.approx(unit)
+        unwrapped = unit * (frame.particles.position + frame.particles.image * box[:3])
         apart = unwrapped[:, :dim] - now.position.values
         assert np.allclose(apart - apart[0], 0.0, atol=1e-8)
         assert np.allclose(frame.particles.orientation, now.orientation)
-        assert np.allclose(frame.particles.velocity[:, :dim], now.velocity)
+        assert np.allclose(unit * frame.particles.velocity[:, :dim], now.velocity)
         assert np.allclose(frame.particles.mass, now.mass) and np.array_equal(frame.log["particles/kind"], now.kind)
         assert frame.log["time"] == pytest.approx(TIMES[i])
 
 
 def described(grains, frame, grain):
-    """Shape of a grain in the file, that of the library, and its scale [m]."""
+    """Shape of a grain in the file, and its diameter, both in units of the file."""
     kind = frame.particles.typeid[grain]
-    return frame.particles.type_shapes[kind], float(grains.shape_scale[grain])
+    return frame.particles.type_shapes[kind], float(grains.shape_scale[grain]) / float(frame.log["length_unit"][0])
 
 
 def test_polygons_with_their_rounding_have_the_area_of_the_grain(exported):
@@ -84,3 +86,16 @@ def test_round_grains_are_spheres_and_those_of_two_parts_closed_surfaces(exporte
     if dim == 3:
         a, b, c = (np.array(shape["vertices"])[np.array(shape["indices"])[:, i]] for i in range(3))
         assert np.sum(np.cross(a, b) * c) / 6.0 == pytest.approx(np.pi / 6 * scale**3, rel=2e-3)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_ovito_shows_the_shapes(dim, tmp_path):
+    """Bodies are meshes at their size, spheres have a radius."""
+    ovito = pytest.importorskip("ovito.io")
+    folder = write_run(tmp_path / "run", dim)
+    (path,), _ = export_run(folder, folder / "gsd", "gsd")
+    particles = ovito.import_file(str(path)).compute(2).particles
+    assert "Radius" not in particles and "Orientation" in particles and particles.count == 9
+    for kind in particles.particle_types.types:
+        round_grain = "shape 1" in kind.name
+        assert (kind.mesh is None) == round_grain and (0.4 < kind.radius < 0.6 if round_grain else kind.radius == 1.0)
