@@ -29,6 +29,8 @@ def append_seconds(path: Path, grains: int, snapshots: int) -> list[float]:
         "patch_radius": [0.5],
         "patch_axis": [[1.0, 0.0, 0.0]],
         "patch_angle": [np.pi],
+        "patch_part": [0],
+        "patch_edge_radius": [0.0],
     }
     attributes = lsm.file_attributes("Cost of snapshots", "Random numbers", "", 1, 1.0, "cpu", "f64")
     writer = GrainsWriter(path, static, static_rows(3), snapshot_rows(3), attributes)

@@ -59,11 +59,14 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.folder_lock import holder_of as holder_of
     from .io.folder_lock import locked as locked
     from .io.global_attributes import file_attributes as file_attributes
+    from .io.grain_outlines import GrainOutlines as GrainOutlines
+    from .io.grain_outlines import outlines as outlines
     from .io.layer_recorder import LayerRecorder as LayerRecorder
     from .io.netcdf_variables import Scalar as Scalar
     from .io.open_run import by_row as by_row
     from .io.open_run import open_run as open_run
     from .io.open_run import open_runs as open_runs
+    from .io.open_run import opened_run as opened_run
     from .io.open_sweep import open_sweep as open_sweep
     from .io.run_file import write_energies as write_energies
     from .io.run_file import write_table as write_table
@@ -134,6 +137,8 @@ _HOME = {
     "ShearedCell": "measure.sheared_cell",
     "ShearedGrains": "measure.sheared_grains",
     "ShearedLayer": "measure.sheared_layer",
+    "GrainOutlines": "io.grain_outlines",
+    "outlines": "io.grain_outlines",
     "LayerRecorder": "io.layer_recorder",
     "holder_of": "io.folder_lock",
     "locked": "io.folder_lock",
@@ -150,6 +155,7 @@ _HOME = {
     "by_row": "io.open_run",
     "open_run": "io.open_run",
     "open_runs": "io.open_run",
+    "opened_run": "io.open_run",
     "open_sweep": "io.open_sweep",
     "published_friction": "core.data_files",
     "data_path": "core.data_files",

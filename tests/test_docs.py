@@ -53,13 +53,14 @@ def test_commands_exist(page):
         words = (match[1] or match[2]).split()
         if words[0] in ("...", "my-test", "--help", "--version"):
             continue
-        others = {"list", "info", "resume", "sweep", "sweep-plot", "calibrate", "sensitivity"}
+        others = {"list", "info", "resume", "sweep", "sweep-plot", "calibrate", "sensitivity", "export"}
         assert words[0] in {*found, *others}, match[0]
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
         known = {"out", "config", "preset", "overwrite", "quiet", "strict", "help"}
         known |= {"effects", "presets"} if words[0] == "list" else set()
         known |= {"metric", "against", "colour", "facet", "format"} if words[0] == "sweep-plot" else set()
         known |= {"metric"} if words[0] == "sensitivity" else set()
+        known |= {"format", "times", "every"} if words[0] == "export" else set()
         known |= {"scheduler", "jobs", "retries", "format"} if words[0] == "sweep" else set()
         of_runs = found.values() if words[0] == "resume" else [found[words[0]]] if words[0] in found else []
         known |= {name for module in of_runs for name in module.Params.model_fields}

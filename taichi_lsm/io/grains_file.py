@@ -54,7 +54,9 @@ COMMENT = (
     "and radii are multiples of shape_scale, in the body frame of the shape (origin at the centre of mass). "
     "Grain g has shape s = shape_index[g], counted from 0; the centre of a patch of it lies at position[g] + "
     "shape_scale[g] * R[g] patch_centre, its radius is shape_scale[g] * patch_radius, with R[g] the "
-    "rotation by orientation[g] (w, x, y, z; in 2D a rotation about z)."
+    "rotation by orientation[g] (w, x, y, z; in 2D a rotation about z). A grain is the union of its convex parts. "
+    "Where patch_edge_radius r of a part is above 0, the part is a ball-polyhedron: the patches of a larger radius are "
+    "its faces, and it is the intersection of the balls of radius patch_radius - r about their centres, dilated by r."
 )
 INTACT = {"flag_values": [0, 1], "flag_meanings": ["broken", "intact"]}
 KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
@@ -78,6 +80,8 @@ def static_rows(dim: int, bonded: bool = False) -> list[Variable]:
         Variable("patch_radius", ("patch",), "f64", "1", "patch radius over shape_scale"),
         Variable("patch_axis", ("patch", "space"), "f64", "1", "outward unit axis of the patch, body frame"),
         Variable("patch_angle", ("patch",), "f64", "rad", "angle between the axis and the edge of the patch"),
+        Variable("patch_part", ("patch",), "i32", "1", "convex part of the shape that the patch bounds, from 0 on"),
+        Variable("patch_edge_radius", ("patch",), "f64", "1", "radius of the edges of that part over shape_scale"),
     ] + [
         Variable("bond_first", ("bond",), "i32", "1", "index of the first grain of the bond"),
         Variable("bond_second", ("bond",), "i32", "1", "index of the second grain of the bond"),

@@ -16,6 +16,7 @@ from ..core.errors import SimulationError
 from ..core.schema import Variable
 from ..measure.layer_rows import layer_rows
 from ..measure.sheared_grains import Row, ShearedGrains
+from ..shapes.patch_surfaces import PatchSurface, patch_surface
 from .grains_file import STATIC_DIMS, GrainsWriter, snapshot_rows, static_rows
 from .netcdf_variables import Scalar
 from .run_file import RunWriter, file_attributes
@@ -211,7 +212,8 @@ def _quaternions(orientation: npt.NDArray) -> npt.NDArray:
 def _constants(scene: "Scene") -> dict[str, npt.NDArray]:
     """What does not change: per grain, then per patch of the shape table."""
     mass, inertia = scene.masses()
-    patches = [np.concatenate(column) for column in zip(*(s.patches() for s in scene.shapes), strict=True)]
+    surfaces = [patch_surface(shape) for shape in scene.shapes]
+    patches = PatchSurface(*(np.concatenate(column) for column in zip(*surfaces, strict=True)))
     bonds: dict[str, npt.NDArray] = {}
     if scene.bonds is not None:
         bonds = {"bond_first": scene.bonds[:, 0], "bond_second": scene.bonds[:, 1], "bond_area": bond_areas(scene)}
@@ -223,8 +225,10 @@ def _constants(scene: "Scene") -> dict[str, npt.NDArray]:
         "shape_index": scene.shape_index.astype(np.int32),
         "shape_scale": scene.diameter,
         "patch_count": np.array([s.patch_count for s in scene.shapes], np.int32),
-        "patch_centre": patches[0],
-        "patch_radius": patches[1],
-        "patch_axis": patches[2],
-        "patch_angle": patches[3],
+        "patch_centre": patches.centre,
+        "patch_radius": patches.radius,
+        "patch_axis": patches.axis,
+        "patch_angle": patches.half_angle,
+        "patch_part": patches.part.astype(np.int32),
+        "patch_edge_radius": patches.edge_radius,
     }

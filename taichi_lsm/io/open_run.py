@@ -1,6 +1,7 @@
 """Opens the files of a run, or those of many runs together."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,30 +35,65 @@ def open_run(path: str | PathLike[str]) -> "Dataset":
     InputError
         If the file is missing, truncated or damaged, no NetCDF file, or not written by this package.
     """
+    with opened_run(path) as lazy, _readable(_file_of(path)):
+        return lazy.load()
+
+
+@contextmanager
+def opened_run(path: str | PathLike[str]) -> "Iterator[Dataset]":
+    """As `open_run`, but values are read when they are used, within the block: for files larger than the memory.
+
+    Parameters
+    ----------
+    path
+        As of `open_run`. What is there now counts: a snapshot that a run appends meanwhile is not seen.
+
+    Yields
+    ------
+    xarray.Dataset
+        Of which `dataset.isel(time=3).load()` reads one snapshot.
+
+    Raises
+    ------
+    InputError
+        As `open_run`.
+    """
     import xarray  # takes long to load
     from xarray.backends import NetCDF4DataStore
 
-    path = Path(path)
-    if path.is_dir() and (path / "run.nc").is_file():
-        path = path / "run.nc"
+    path = _file_of(path)
     if not path.is_file():
         raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}, {EXPECTED}")
-    try:
-        if is_record_file(path):
-            _require_whole(path)
-        with opened_netcdf(path) as file:
-            dataset = xarray.open_dataset(NetCDF4DataStore(file)).load()
+    with ExitStack() as stack:
+        with _readable(path):
+            if is_record_file(path):
+                _require_whole(path)
+            file = stack.enter_context(opened_netcdf(path))
+            dataset = xarray.open_dataset(NetCDF4DataStore(file))
             dataset.set_close(None)  # the file is closed here
-        dataset.encoding["source"] = str(path.absolute())
-        if "stage" in dataset.coords and dataset.stage.dims == ("time",):
-            dataset = dataset.set_xindex("stage")
+            dataset.encoding["source"] = str(path.absolute())
+            if "stage" in dataset.coords and dataset.stage.dims == ("time",):
+                dataset = dataset.set_xindex("stage")
+        if "run_status" not in dataset.attrs:
+            raise InputError(f"{path}: has no attribute run_status, {EXPECTED}")
+        yield dataset
+
+
+def _file_of(path: str | PathLike[str]) -> Path:
+    """The file that is meant: run.nc where a folder is given."""
+    path = Path(path)
+    return path / "run.nc" if path.is_dir() and (path / "run.nc").is_file() else path
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Turn what reading a damaged file raises into an InputError with its name."""
+    try:
+        yield
     except Exception as error:  # attributes of other types are errors of any kind in xarray
         raise InputError(
             f"{path}: cannot be read ({reason(error)}), {EXPECTED}; it may be truncated or damaged"
         ) from None
-    if "run_status" not in dataset.attrs:
-        raise InputError(f"{path}: has no attribute run_status, {EXPECTED}")
-    return dataset
 
 
 def _require_whole(path: Path) -> None:

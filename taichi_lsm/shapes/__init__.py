@@ -11,11 +11,14 @@ from .ellipses import ellipse, superellipse
 from .laguerre_tiles import Tile, laguerre_packing, laguerre_tiles
 from .meshes import Misfit, from_mesh
 from .outlines import OutlineMisfit, from_outline, outline_of_image
+from .patch_meshes import SurfaceMesh
+from .patch_surfaces import PatchSurface, patch_surface
 from .polygon_fit import arc_chain, from_polygon, regular_disc_of_arcs
 from .polyhedra import ellipsoid, from_planes, regular_polyhedron, superellipsoid
 from .polyhedral_aggregates import polyhedral_aggregate
 from .random_polygons import random_polygons
 from .random_polyhedra import random_angular_polyhedra, random_polyhedra
+from .rounded_cores import inscribed_balls, rounded_core
 from .storage import load_shapes, save_shapes
 from .union import Union, crossed_bars, place_part, union
 from .voronoi_grains import random_angular_shapes, regular_polygon, voronoi_packing
@@ -32,7 +35,9 @@ __all__ = [
     "Misfit",
     "OutlineMisfit",
     "PatchGrain",
+    "PatchSurface",
     "PolygonMeasures",
+    "SurfaceMesh",
     "Tile",
     "Union",
     "angular_aggregate",
@@ -51,11 +56,13 @@ __all__ = [
     "from_patches",
     "from_planes",
     "from_polygon",
+    "inscribed_balls",
     "laguerre_packing",
     "laguerre_tiles",
     "load_shapes",
     "outline_error",
     "outline_of_image",
+    "patch_surface",
     "place_part",
     "polygon_measures",
     "polyhedral_aggregate",
@@ -67,6 +74,7 @@ __all__ = [
     "regular_polygon",
     "regular_polyhedron",
     "rescaled",
+    "rounded_core",
     "save_shapes",
     "sphere",
     "superellipse",

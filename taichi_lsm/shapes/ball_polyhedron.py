@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from .base import WIDTHS, Balls, GrainShape, Patches, counted, frozen_array
-from .geometry import even_directions
+from .geometry import convex_mesh, even_directions
 from .input_checks import check_at_least, check_positive
 
 CORNER_ROUNDING = 1e-9  # of a bound: a corner of a narrow cone is known no better
@@ -282,17 +282,8 @@ class BallPolyhedron(GrainShape):
         InputError
             For fewer than 4 points.
         """
-        from scipy.spatial import ConvexHull
-
         check_at_least("points", points, 4)
-        x = self.support_points(np.concatenate([even_directions(points), *self.corner_normals()]))
-        hull = ConvexHull(x)
-        used, index = np.unique(hull.simplices, return_inverse=True)
-        vertices, triangles = x[used], index.reshape(hull.simplices.shape)
-        a, b, c = (vertices[triangles[:, i]] for i in range(3))
-        inward = np.sum(np.cross(b - a, c - a) * hull.equations[:, :3], axis=1) < 0
-        triangles[inward] = triangles[inward][:, ::-1]
-        return vertices, triangles
+        return convex_mesh(self.support_points(np.concatenate([even_directions(points), *self.corner_normals()])))
 
     def moved(self, rotation: NDArray | None = None, shift: ArrayLike = (0.0, 0.0, 0.0)) -> BallPolyhedron:
         """The same surface rotated, then shifted: a part of another grain.

@@ -99,3 +99,14 @@ def least_tangent_radii(points: NDArray, normals: NDArray, size: float) -> NDArr
         if low.any():
             radius[i] = (np.sum(away[low] ** 2, axis=1) / drop[low]).max()
     return radius
+
+
+def convex_mesh(points: NDArray) -> tuple[NDArray, NDArray]:
+    """The convex hull of points (k, 3): those on it (m, 3), and triangles (t, 3) of them, counter-clockwise outside."""
+    hull = scipy.spatial.ConvexHull(points)
+    used, index = np.unique(hull.simplices, return_inverse=True)
+    vertices, triangles = points[used], index.reshape(hull.simplices.shape)
+    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    inward = np.sum(np.cross(b - a, c - a) * hull.equations[:, :3], axis=1) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return vertices, triangles

@@ -77,6 +77,8 @@ def grains(dim, count=5):
         "patch_radius": rng.random(4),
         "patch_axis": rng.random((4, dim)),
         "patch_angle": rng.random(4),
+        "patch_part": [0, 0, 0, 0],
+        "patch_edge_radius": np.zeros(4),
     }
     snapshot = {
         "position": rng.random((count, dim)),

@@ -98,17 +98,7 @@ def print_info(folder: Path) -> int:
 
     Only the files of the folder itself are opened, and one of each run in its folder `runs`.
     """
-    if folder.is_file():
-        above = folder.absolute().parent
-        hint = f", such as {above}" if _holds_run(above.iterdir()) and folder.suffix != ".toml" else ""
-        raise NoRunError(f"{folder}: is a file, must be the folder of a run{hint}.")
-    if not folder.is_dir():
-        siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
-        raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")
-    files = sorted(p for p in folder.iterdir() if p.is_file())
-    runs = sorted(p for p in folder.glob("runs/*") if p.is_dir() and _holds_run(p.iterdir()))
-    if not (runs or _holds_run(files)):
-        raise NoRunError(f"{folder}: holds no run (no NetCDF file and no {FILE}).")
+    files, runs = require_run(folder)
     attributes = _attributes(folder)
     for name, value in attributes.items():
         print(f"{name}: {value}")
@@ -128,6 +118,28 @@ def print_info(folder: Path) -> int:
     _print_aligned("Files", [(path.name, _contents(path)) for path in files])
     _print_aligned("Runs", [(f"runs/{path.name}", _attributes(path).get("run_status", "unknown")) for path in runs])
     return 0
+
+
+def require_run(folder: Path) -> tuple[list[Path], list[Path]]:
+    """The files in the folder of a run, and the folders of the runs that it consists of.
+
+    Raises
+    ------
+    NoRunError
+        If the folder is missing, or holds no file of a run.
+    """
+    if folder.is_file():
+        above = folder.absolute().parent
+        hint = f", such as {above}" if _holds_run(above.iterdir()) and folder.suffix != ".toml" else ""
+        raise NoRunError(f"{folder}: is a file, must be the folder of a run{hint}.")
+    if not folder.is_dir():
+        siblings = [p.name for p in folder.parent.iterdir() if p.is_dir()] if folder.parent.is_dir() else []
+        raise NoRunError(f"{folder}: there is no such folder.{nearest(folder.name, siblings)}")
+    files = sorted(p for p in folder.iterdir() if p.is_file())
+    runs = sorted(p for p in folder.glob("runs/*") if p.is_dir() and _holds_run(p.iterdir()))
+    if not (runs or _holds_run(files)):
+        raise NoRunError(f"{folder}: holds no run (no NetCDF file and no {FILE}).")
+    return files, runs
 
 
 def _holds_run(files: Iterable[Path]) -> bool:

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 
-if TYPE_CHECKING:
-    import xarray
-
 SEGMENTS = 32  # chords in a quarter of a circle, in sections
-ARC_STEP = 0.3  # rad, longest chord of an outline
 MAP = "cividis"  # stays in order for colour-blind eyes and in grey
 FAULT = "#D55E00"
 MIDDLE = "through the middle"
@@ -81,7 +76,7 @@ def read_snapshot(path: Path, index: int = -1, through: int | None = None) -> Sn
         position, velocity = _in_cell(now, position)
         period = np.delete(period, 1)
     if len(period) == 1:
-        outlines = _rotated_outlines(grains, now)
+        outlines = [1e3 * vertices for vertices in lsm.GrainOutlines(grains).around_centres(now)]
     else:
         plane = plane if np.isfinite(plane) else 0.5 * period[1]
         off = np.mod(position[:, 2] - plane + 0.5 * period[1], period[1]) - 0.5 * period[1]
@@ -137,31 +132,6 @@ def _rotated(quaternion, vectors):
     w, axis = quaternion[0], quaternion[1:]
     across = 2.0 * np.cross(axis, vectors)
     return vectors + w * across + np.cross(axis, across)
-
-
-def _rotated_outlines(grains, now):
-    """Outline of every grain [mm] about its centre, in the world frame."""
-    shapes, scale = shape_outlines(grains), 1e3 * now.shape_scale.values
-    outlines = [size * shapes[s] for size, s in zip(scale, now.shape_index.values, strict=True)]
-    if "orientation" not in now:  # the outline of a disc does not depend on its orientation
-        return outlines
-    w, z = now.orientation.values[:, 0], now.orientation.values[:, 3]
-    cos, sin = w * w - z * z, 2.0 * w * z
-    return [o @ np.array([[c, s], [-s, c]]) for o, c, s in zip(outlines, cos, sin, strict=True)]
-
-
-def shape_outlines(grains: xarray.Dataset) -> list[NDArray]:
-    """Outline (points, 2) of every shape of a 2D grains.nc, in units of shape_scale: the arcs of its patches."""
-    patches = (grains[f"patch_{name}"].values for name in ("centre", "radius", "axis", "angle"))
-    arcs = [c + r * _arc(np.arctan2(a[1], a[0]), half) for c, r, a, half in zip(*patches, strict=True)]
-    ends = np.cumsum(grains.patch_count.values)
-    return [np.concatenate(arcs[i:j]) for i, j in zip([0, *ends[:-1]], ends, strict=True)]
-
-
-def _arc(middle, half):
-    count = 2 + int(2.0 * half / ARC_STEP)
-    angle = middle + np.linspace(-half, half, count, endpoint=False)  # the next arc begins with the end
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def bar_beside(axes: Any) -> Any:

@@ -25,19 +25,7 @@ def test_outlines_have_the_area_of_the_grains(sheared, shape):
     grains = lsm.open_run(folder / "grains.nc")
     exact = float(grains.mass.sum()) / (params.density * params.diameter)
     snapshot = layer_pictures.read_snapshot(folder / "grains.nc")
-    assert drawn_area(snapshot) * 1e-6 == pytest.approx(exact, rel=0.02)  # chords lie inside the arcs
-
-
-def test_an_outline_is_closed_and_convex(sheared):
-    folder, _, _ = sheared("angular")
-    for outline in layer_pictures.shape_outlines(lsm.open_run(folder / "grains.nc"))[1:]:
-        side = np.diff(outline, axis=0, append=outline[:1])
-        side = side[np.linalg.norm(side, axis=1) > 1e-9]  # an arc begins where the last one ended
-        following = np.roll(side, -1, axis=0)
-        turn = side[:, 0] * following[:, 1] - side[:, 1] * following[:, 0]
-        assert turn.min() > -1e-9
-        angles = np.unwrap(np.arctan2(side[:, 1], side[:, 0]))
-        assert angles[-1] - angles[0] == pytest.approx(2 * np.pi, abs=1.5)
+    assert drawn_area(snapshot) * 1e-6 == pytest.approx(exact, rel=1e-3)
 
 
 def test_grains_hardly_overlap_in_their_places(sheared):
