@@ -19,7 +19,7 @@ from ..core.fields import allocate
 from ..core.rotation import advanced_orientation, rotational_velocity, torque_of, velocity_turned_back
 from ..core.runtime import current, ti
 from ..core.schema import Variable
-from .wall_setup import PlaneWall, as_vector
+from .wall_setup import PlaneWall, as_vector, unit_normal
 
 BLOCK = 64  # ids that share a mark: the sums over a wall visit only blocks that are marked
 WALL_ROWS = [
@@ -100,7 +100,7 @@ class Walls:
     def _place(self, walls: Sequence[PlaneWall]) -> None:
         """Write point, unit normal, velocity and stiffness of each wall."""
         write(self.point, [wall.point for wall in walls])
-        write(self.normal, [np.asarray(wall.normal, float) / np.linalg.norm(wall.normal) for wall in walls])
+        write(self.normal, [unit_normal(wall.normal, self.spec.periodic) for wall in walls])
         write(self.velocity, [np.broadcast_to(np.asarray(wall.velocity, float), self.dim) for wall in walls])
         # Moduli at a rigid wall are twice those of like bodies; both go with the root of the radius.
         write(self.radius_factor, [4.0 if wall.rigid else 1.0 for wall in walls])

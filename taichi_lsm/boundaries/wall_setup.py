@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 
+ROUNDING = 1e-12  # of a unit normal along a periodic axis, as sine and cosine of a right angle leave it
+
 
 @dataclass
 class PlaneWall:
@@ -20,7 +22,8 @@ class PlaneWall:
     point : tuple (dim,)
         Point on the plane at the start [m].
     normal : tuple (dim,)
-        Normal of the plane into the grains, of any length.
+        Normal of the plane into the grains, of any length. Along a periodic axis it has no component; 1e-12 of its
+        length is taken for rounding and set to 0.
     velocity : tuple (dim,) or 0
         Constant velocity [m s-1]; along the plane it drags the grains. `Walls.set_velocity` changes it between runs.
     rigid : bool
@@ -73,12 +76,27 @@ def check_walls(scene: Any) -> None:
         normal = np.asarray(wall.normal, float)
         if not np.linalg.norm(normal) > 0.0:
             raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must not be zero")
-        if any(repeats and n != 0.0 for n, repeats in zip(normal, scene.periodic, strict=True)):
-            raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along periodic axes")
+        normal = unit_normal(wall.normal, scene.periodic)
+        for axis in np.flatnonzero(scene.periodic):
+            if normal[axis] != 0.0:
+                raise InputError(
+                    f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along the periodic axis {'xyz'[axis]} "
+                    f"to {ROUNDING:g} of its length; incline the gravity, or let the cell be open along that axis"
+                )
         height = (scene.position - np.asarray(wall.point, float)) @ normal
         beyond = np.flatnonzero((height <= 0.0) & (scene.platen_index < 0))
         if len(beyond):
             raise InputError(f"wall {wall.name!r}: the centre of grain {beyond[0]} starts beyond it, must be inside")
+
+
+def unit_normal(normal: Any, periodic: Any) -> NDArray:
+    """Unit vector (dim,) of a normal; a component along a periodic axis that is but rounding becomes 0.
+
+    normal (dim,): not zero; periodic (dim,): whether the cell repeats along each axis.
+    """
+    unit = np.asarray(normal, float) / np.linalg.norm(normal)
+    unit[np.asarray(periodic, bool) & (np.abs(unit) <= ROUNDING)] = 0.0
+    return unit
 
 
 def as_vector(given: Any) -> NDArray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.boundaries.wall_setup import unit_normal
 from taichi_lsm.contact import neighbour_search
 from taichi_lsm.effects.global_damping import GlobalDamping
 from taichi_lsm.effects.restitution import damping_ratio_of
@@ -256,12 +257,25 @@ def test_walls_that_make_no_sense_are_refused():
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), 3.0))
     with pytest.raises(lsm.InputError, match="wall 'a': point = 'origin', must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", "origin", (0.0, 1.0)))
-    with pytest.raises(lsm.InputError, match="zero along periodic axes"):
+    with pytest.raises(lsm.InputError, match=r"wall 'left': normal = .*, must be zero along the periodic axis x"):
         walls(BOX[1], lengths=(9.0, np.inf), periodic=(True, False))
     clump = lsm.shapes.clump([(0.0, -0.2), (0.0, 0.2)], [0.4, 0.4])
     with pytest.raises(lsm.InputError, match="no single deepest point"):
         walls(FLOOR, shapes=[clump], effects=[lsm.LinearElastic(K)])
     walls(FLOOR, lengths=(9.0, np.inf), periodic=(True, False))
+
+
+def test_a_normal_of_sine_and_cosine_stands_square_to_periodic_axes():
+    """sin(pi) is 1e-16 and not 0: rounding, in relation to the length that was given, but not more than that."""
+    angle, cell = np.pi, {"lengths": (9.0, np.inf), "periodic": (True, False)}
+    lid = lsm.PlaneWall("lid", (0.0, 5.0), (3.0 * np.sin(angle), 3.0 * np.cos(angle)))
+    assert lid.normal[0] != 0.0
+    scenes.scene([(1.0, 1.0)], effects_of((0.0, -G)), walls=[lid], **cell)
+    assert np.array_equal(unit_normal(lid.normal, cell["periodic"]), [0.0, -1.0])
+    assert unit_normal(lid.normal, (False, False))[0] != 0.0
+    lid.normal = (3e-11, -3.0)
+    with pytest.raises(lsm.InputError, match=r"wall 'lid': .*periodic axis x to 1e-12 of its length; incline"):
+        scenes.scene([(1.0, 1.0)], effects_of((0.0, -G)), walls=[lid], **cell)
 
 
 def test_velocity_that_makes_no_sense_is_refused(discs):
