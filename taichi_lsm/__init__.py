@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .boundaries.platens import Platen as Platen
     from .boundaries.stress_drives import ServoWithSpring as ServoWithSpring
     from .boundaries.stress_drives import VelocityOrStress as VelocityOrStress
+    from .boundaries.wall_servo import WallServo as WallServo
     from .boundaries.wall_setup import PlaneWall as PlaneWall
     from .core.data_files import data_path as data_path
     from .core.data_files import published_friction as published_friction
@@ -124,6 +125,7 @@ _HOME = {
     "ConstantVelocity": "boundaries.platen_drives",
     "ServoStress": "boundaries.platen_drives",
     "PlaneWall": "boundaries.wall_setup",
+    "WallServo": "boundaries.wall_servo",
     "SpringLoadPoint": "boundaries.platen_drives",
     "ServoWithSpring": "boundaries.stress_drives",
     "VelocityOrStress": "boundaries.stress_drives",

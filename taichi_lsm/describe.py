@@ -147,8 +147,9 @@ def _boundaries(scene: Scene) -> Node:
     for wall in scene.walls:
         moving = f", velocity {_number(wall.velocity)} m s-1" if np.any(wall.velocity) else ""
         rigid = ", rigid" if wall.rigid else ""
+        servo = f", {wall.servo!r}" if wall.servo else ""
         where = f"point {_number(wall.point)} m, normal {_number(wall.normal)}"
-        rows.append(Node(f"wall {wall.name}", where + moving + rigid))
+        rows.append(Node(f"wall {wall.name}", where + moving + rigid + servo))
     for number, platen in enumerate(scene.platens):
         drives = tuple(Node(axis, repr(drive)) for axis, drive in zip(axes, platen.drives, strict=False))
         rows.append(Node(f"platen {platen.name}", _counted(int((scene.platen_index == number).sum()), "grain"), drives))

@@ -1,4 +1,4 @@
-"""Plane walls: rigid half-spaces of infinite mass that rest or move at a constant velocity.
+"""Plane walls: rigid half-spaces that rest, move at a constant velocity, or follow a servo along their normal.
 
 A grain touches a wall with its deepest point. Whatever its shape that point is unique, so that the effects act there
 as between two grains, the second of which has no curvature and cannot be moved.
@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..contact.error_flags import WALL
 from ..contact.pair_geometry import half_width
 from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
-from ..core.allocation import when_allocated, write
+from ..core.allocation import read, share_kernels, when_allocated, write
 from ..core.errors import InputError
 from ..core.fields import allocate
 from ..core.rotation import advanced_orientation, rotational_velocity, torque_of, velocity_turned_back
 from ..core.runtime import current, ti
 from ..core.schema import Variable
+from .wall_servo import WallServo, WallServos, require_along
 from .wall_setup import PlaneWall, as_vector, unit_normal
 
 BLOCK = 64  # ids that share a mark: the sums over a wall visit only blocks that are marked
@@ -74,6 +75,7 @@ class Walls:
         fields = vars(allocate(WALL_ROWS, self.count, sizes))
         for name, field in {**fields, **vars(allocate(self.rows, self.count * capacity, sizes))}.items():
             setattr(self, name, field)
+        self.servos: Any = WallServos(self.count, self.dim) if spec.wall_servo else None
         self.radius_factor = ti.field(self.real, self.count)
         self.marked = ti.field(ti.i32, capacity // BLOCK + 1)
         when_allocated(lambda: self._place(walls))
@@ -98,12 +100,15 @@ class Walls:
         self._place(walls)
 
     def _place(self, walls: Sequence[PlaneWall]) -> None:
-        """Write point, unit normal, velocity and stiffness of each wall."""
+        """Write point, unit normal, velocity, stiffness and servo of each wall."""
         write(self.point, [wall.point for wall in walls])
         write(self.normal, [unit_normal(wall.normal, self.spec.periodic) for wall in walls])
-        write(self.velocity, [np.broadcast_to(np.asarray(wall.velocity, float), self.dim) for wall in walls])
+        velocity = np.array([np.broadcast_to(np.asarray(wall.velocity, float), self.dim) for wall in walls])
+        write(self.velocity, velocity)
         # Moduli at a rigid wall are twice those of like bodies; both go with the root of the radius.
         write(self.radius_factor, [4.0 if wall.rigid else 1.0 for wall in walls])
+        if self.servos:
+            self.servos.begin([wall.servo for wall in walls], velocity)
 
     def mark_all(self) -> None:
         """Mark all blocks, so that the next sum visits every grain; for rows that were loaded from a file."""
@@ -117,19 +122,47 @@ class Walls:
         name
             Name of the wall.
         velocity
-            New velocity (dim,) [m s-1], constant from now on.
+            New velocity (dim,) [m s-1], constant from now on; of a wall with a servo, the one along the plane.
 
         Raises
         ------
         InputError
-            If there is no such wall or the velocity is not a finite vector.
+            If there is no such wall, or the velocity is not a finite vector or not one that the servo allows.
         """
-        value = as_vector(velocity)
-        if name not in self.names:
-            raise InputError(f"wall {name!r}: no such wall, must be one of {self.names}")
+        value, w = as_vector(velocity), self._index(name)
         if value.shape != (self.dim,) or not np.isfinite(value).all():
             raise InputError(f"wall {name!r}: velocity = {velocity!r}, must be {self.dim} finite numbers")
-        self.velocity[self.names.index(name)] = value
+        if self.servos and self.servos.driven()[w]:
+            normal = read(self.normal)[w]
+            require_along(name, velocity, normal)
+            value = value + (read(self.velocity)[w] @ normal) * normal
+        self.velocity[w] = value
+
+    def set_servo(self, name: str, servo: WallServo) -> None:
+        """Change the servo of a wall between two calls of `Simulation.run`.
+
+        Parameters
+        ----------
+        name
+            Name of the wall.
+        servo
+            Servo of the same inertia as at the start.
+
+        Raises
+        ------
+        InputError
+            If there is no such wall, it began without a servo, or the inertia differs.
+        """
+        w = self._index(name)
+        if not self.servos:
+            raise InputError(f"wall {name!r}: set_servo, but no wall of the scene began with a servo")
+        self.servos.set(w, name, servo)
+
+    def _index(self, name: str) -> int:
+        """Row of the wall of this name; InputError if there is none."""
+        if name not in self.names:
+            raise InputError(f"wall {name!r}: no such wall, must be one of {self.names}")
+        return self.names.index(name)
 
     def snapshot(self) -> dict[str, NDArray]:
         """State of the walls now.
@@ -139,14 +172,20 @@ class Walls:
         dict
             Arrays (wall, dim): `displacement` [m], `velocity` [m s-1], `force` of the grains [N] and its sum over
             steps, `force_sum` [N], in which impulses count as force over dt. Array (wall,): `work` of what moves the
-            walls [J].
+            walls, servos too [J].
         """
-        return {name: np.array([getattr(self, name)[w] for w in range(self.count)]) for name in PUBLISHED}
+        share_kernels(getattr(self, name) for name in PUBLISHED)
+        return {name: read(getattr(self, name)) for name in PUBLISHED}
 
     @ti.func
     def drift(self, dt):
-        """Let the walls drift for dt [s]."""
+        """Let the walls drift for dt [s], with a kick before for those that have a servo; 0: no step begins."""
         for w in range(self.count):
+            if ti.static(self.spec.wall_servo):
+                if dt > 0.0:
+                    v, work = self.servos.kicked(w, self.velocity[w], self.normal[w], dt)
+                    self.velocity[w] = v
+                    self.work[w] = self.work[w] + work
             self.displacement[w] = self.displacement[w] + self.velocity[w] * dt
 
     @ti.func
@@ -155,6 +194,7 @@ class Walls:
 
         dt [s]: step that ended with these forces, 0 at the start of a run. The work is that of the trapezoidal rule,
         W -= ((F_old + F_new) dt/2 + J) . V, with the impulses J at contacts that began or ended, as for the effects.
+        V is the velocity that is imposed: what a servo does along the normal is counted with its motion.
         """
         count = forces.grains.count[None]
         for w in range(self.count):
@@ -169,9 +209,13 @@ class Walls:
                             if ti.static(self.spec.onset):
                                 if self.row_status[r] & HAS_IMPULSE:
                                     impulse += self.row_impulse[r]
+            v = self.velocity[w]
+            if ti.static(self.spec.wall_servo):
+                v = self.servos.imposed(w, v, self.normal[w])
+                self.servos.note_force(w, force.dot(self.normal[w]), impulse.dot(self.normal[w]), dt)
             if dt > 0.0:
                 push = 0.5 * (self.force[w] + force) * dt + impulse
-                self.work[w] = self.work[w] - push.dot(self.velocity[w])
+                self.work[w] = self.work[w] - push.dot(v)
                 self.force_sum[w] = self.force_sum[w] + force + impulse / dt
             self.force[w] = force
         # Contacts mark their block; a block in which no grain touches a wall any more loses its mark here.
@@ -331,9 +375,11 @@ class Walls:
         Positions and orientations follow from the velocities of the last two steps: nothing more need be stored.
         """
         g = forces.grains
-        normal, v = self.normal[w], self.velocity[w]
+        normal, v, last = self.normal[w], self.velocity[w], self.velocity[w]
+        if ti.static(self.spec.wall_servo):
+            last = self.servos.last_velocity[w]
         height_1 = self.height(w, g.position[k]) - (g.velocity[k] - v).dot(normal) * dt
-        height_2 = height_1 - (g.last_velocity[k] - v).dot(normal) * dt
+        height_2 = height_1 - (g.last_velocity[k] - last).dot(normal) * dt
         top_1 = g.radius[k]
         top_2 = top_1
         if ti.static(self.spec.shaped):

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from .wall_servo import WallServo, check_wall_servo
 
 ROUNDING = 1e-12  # of a unit normal along a periodic axis, as sine and cosine of a right angle leave it
 
 
 @dataclass
 class PlaneWall:
-    """Half-space of infinite mass beyond a plane.
+    """Half-space beyond a plane: at rest, at a constant velocity, or under a servo-controlled normal force.
 
     Parameters
     ----------
@@ -30,6 +31,9 @@ class PlaneWall:
         Whether the wall yields to no force: then E* = E/(1 - nu^2) and G* = E/(2 (1 + nu) (2 - nu)) of `Hertz` and
         `Mindlin`, twice those of two like bodies. Else it is of the material of the grains. Springs of a given
         stiffness (`LinearElastic`) have it at either.
+    servo : WallServo or None
+        What moves the wall along its normal, from rest, to keep the normal force on it; the velocity then lies along
+        the plane. `Walls.set_servo` changes its force between runs. None: the wall keeps its velocity.
     """
 
     name: str
@@ -37,6 +41,7 @@ class PlaneWall:
     normal: tuple
     velocity: tuple | float = 0.0
     rigid: bool = False
+    servo: WallServo | None = None
 
 
 def check_walls(scene: Any) -> None:
@@ -51,8 +56,8 @@ def check_walls(scene: Any) -> None:
     ------
     InputError
         If a name is missing or not unique, a point, normal or velocity is not a finite vector, a normal is zero or
-        points along a periodic axis, a shape has no single deepest point, a mobile grain starts beyond a wall, or a
-        wall is rigid to forces that know of no modulus.
+        points along a periodic axis, a shape has no single deepest point, a mobile grain starts beyond a wall, a wall
+        is rigid to forces that know of no modulus, or a servo makes no sense.
     """
     names = [wall.name for wall in scene.walls]
     if len(set(names)) < len(names) or not all(names):
@@ -83,6 +88,7 @@ def check_walls(scene: Any) -> None:
                     f"wall {wall.name!r}: normal = {wall.normal!r}, must be zero along the periodic axis {'xyz'[axis]} "
                     f"to {ROUNDING:g} of its length; incline the gravity, or let the cell be open along that axis"
                 )
+        check_wall_servo(wall, normal, scene.integrator)
         height = (scene.position - np.asarray(wall.point, float)) @ normal
         beyond = np.flatnonzero((height <= 0.0) & (scene.platen_index < 0))
         if len(beyond):

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..boundaries.plane_walls import WALL_ROWS
+from ..boundaries.wall_servo import SERVO_ROWS
 from ..contact.neighbour_list import grown
 from ..core.allocation import read, row_shape, share_kernels, write
 from ..core.atomic_netcdf import write_atomically
@@ -190,6 +191,8 @@ def _tables(sim: "Simulation") -> list[tuple[str, Sequence[Variable], Any, int]]
         tables.append(("cell", sim.domain.rows, sim.domain, 1))
     if sim.walls:
         tables.append(("walls", WALL_ROWS, sim.walls, sim.walls.count))
+        if sim.walls.servos:
+            tables.append(("wall_servos", SERVO_ROWS, sim.walls.servos, sim.walls.count))
         tables.append(("wall_contacts", sim.walls.rows, sim.walls, sim.walls.count * count))
     saved = [(owner, row.name) for _, rows, owner, _ in tables for row in rows if row.restart]
     saved += [(pairs, row.name) for row in pairs.variables if row.restart]

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 class Energies(NamedTuple):
     """Terms of the budget [J]: kinetic, elastic (contacts, bonds), potential, dissipated and work.
 
-    kinetic: of grains, platens and the height of a cell that a servo moves; dissipated: by effects and
-    drives since the start, without `Scene.track_dissipation` by drives alone; work: done since the start by what moves
-    platens, plane walls and a sheared cell, and by the normal stress on its height.
+    kinetic: of grains, platens, and of the walls and the height of a cell that a servo moves; dissipated: by effects
+    and drives since the start, without `Scene.track_dissipation` by drives alone; work: done since the start by what
+    moves platens, plane walls and a sheared cell, and by servos on walls and on its height.
     """
 
     kinetic: float
@@ -73,4 +73,7 @@ def energies(
         dissipated, work = dissipated + cell["dissipated"], work + cell["work"]
     if sim.walls:
         work += float(sum(sim.walls.work[w] for w in range(sim.walls.count)))
+        if sim.walls.servos:
+            moving, lost = sim.walls.servos.energies(sim.walls, sim.dt if sim.integrator.half_step else 0.0)
+            kinetic, dissipated = kinetic + moving, dissipated + lost
     return Energies(kinetic, sums["elastic_energy"], sums["potential_energy"], dissipated, work)

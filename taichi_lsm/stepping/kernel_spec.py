@@ -35,6 +35,7 @@ class KernelSpec:
     history : numbers that the effects remember of each pair
     effects : class names and variants of the effects
     bonds, walls, platens : how many there are
+    wall_servo : a servo moves one of the plane walls
     integrator : class of the time integration
     """
 
@@ -56,6 +57,7 @@ class KernelSpec:
     effects: tuple[tuple[str, str], ...] = ()
     bonds: int = 0
     walls: int = 0
+    wall_servo: bool = False
     platens: int = 0
     integrator: type | None = None
 
@@ -86,6 +88,7 @@ class KernelSpec:
             effects=tuple((type(e).__name__, e.variant) for e in effects),
             bonds=len(scene.bonds) if bonded else 0,
             walls=len(scene.walls),
+            wall_servo=any(wall.servo for wall in scene.walls),
             platens=len(scene.platens),
             integrator=scene.integrator,
         )

@@ -2,14 +2,17 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import taichi_lsm as lsm
+from taichi_lsm.boundaries.wall_servo import SERVO_ROWS
 from taichi_lsm.boundaries.wall_setup import unit_normal
 from taichi_lsm.contact import neighbour_search
+from taichi_lsm.core.allocation import read
 from taichi_lsm.effects.global_damping import GlobalDamping
 from taichi_lsm.effects.restitution import damping_ratio_of
 from taichi_lsm.effects.rolling_resistance import RollingResistance
@@ -27,6 +30,8 @@ BOX = [
     lsm.PlaneWall("right", (SIDE, 0.0), (-1.0, 0.0)),
     lsm.PlaneWall("lid", (0.0, SIDE), (0.0, -1.0)),
 ]
+SERVO = lsm.WallServo(3e5, K, 4e3, 20.0)
+PRESSED = [*BOX[:3], replace(BOX[3], servo=SERVO)]
 HALL = [*BOX[:2], lsm.PlaneWall("right", (90.0, 0.0), (-1.0, 0.0)), lsm.PlaneWall("lid", (0.0, 90.0), (0.0, -1.0))]
 
 
@@ -41,11 +46,11 @@ def effects_of(gravity):
     ]
 
 
-def box_of_discs(**more):
+def box_of_discs(walls=BOX, **more):
     """24 discs in a box, far from each other."""
     rng = np.random.default_rng(5)
     place = np.stack(np.divmod(np.arange(COUNT), 5), axis=1) * 1.7 + 1.2
-    return scenes.scene(place, effects_of((0.0, -G)), diameter=rng.uniform(0.7, 1.2, COUNT), walls=BOX, **more)
+    return scenes.scene(place, effects_of((0.0, -G)), diameter=rng.uniform(0.7, 1.2, COUNT), walls=walls, **more)
 
 
 def settings(sim, walls=BOX, restitution=1.0, friction=0.3, rolling=0.0, drag=0.0, gravity=(0.0, -G)):
@@ -62,29 +67,34 @@ def settings(sim, walls=BOX, restitution=1.0, friction=0.3, rolling=0.0, drag=0.
 def state(sim):
     """Everything that must not depend on threads or slots: {name: values}."""
     names = sorted(set(sim.grains.variables) - {"built_position"})
-    return {n: getattr(sim.state, n).to_numpy() for n in names} | sim.walls.snapshot()
+    servos = {f"servo_{row.name}": read(getattr(sim.walls.servos, row.name)) for row in SERVO_ROWS if sim.walls.servos}
+    return {n: getattr(sim.state, n).to_numpy() for n in names} | sim.walls.snapshot() | servos
 
 
 def same(first, second):
     return [name for name, value in first.items() if not np.array_equal(value, second[name])]
 
 
-def fly(sim, seconds=1.0, dt=2e-4):
-    """A gas of discs that the lid, coming down and moving along, compresses and drags."""
+def fly(sim, seconds=1.0, dt=2e-4, walls=BOX):
+    """A gas of discs that the lid, coming down and moving along, compresses and drags.
+
+    Returns the energy of the grains and the balance of the budget at the start.
+    """
     rng = np.random.default_rng(6)
-    settings(sim, restitution=0.8)
+    settings(sim, walls, restitution=0.8)
     v = rng.normal(0, 5, (COUNT, 2))
     start = box_of_discs().position
     scenes.reload(sim, dt, position=start, velocity=v, angular_velocity=rng.normal(0, 5, (COUNT, 1)))
-    sim.walls.set_velocity("lid", (2.0, -4.0))
-    before = sum(scenes.energy(sim))
+    sim.walls.set_velocity("lid", (2.0, 0.0 if walls[3].servo else -4.0))
+    before, balance = sum(scenes.energy(sim)), lsm.energies(sim).balance
     sim.run(int(seconds / sim.dt))
-    return before
+    return before, balance
 
 
 @pytest.fixture(scope="module")
 def discs(runtime):
-    return scenes.simulate(box_of_discs(dt=1e-4))
+    """With a lid that has a servo, so that any wall may have one."""
+    return scenes.simulate(box_of_discs(PRESSED, dt=1e-4))
 
 
 def one(sim, height, velocity, dt=None, steps=None):
@@ -195,16 +205,62 @@ def test_a_heap_weighs_on_the_walls(discs):
 
 
 def test_energy_closes_between_moving_walls(discs):
-    before = fly(discs, dt=5e-5)
+    before, _ = fly(discs, dt=5e-5)
     after = sum(scenes.energy(discs))
     work = discs.walls.snapshot()["work"]
     assert work[3] > 0.05 * before and np.all(work[:3] == 0.0)
     assert after - before == pytest.approx(work.sum(), abs=4e-4 * work[3])
 
 
+def test_a_lid_flies_freely_under_its_servo_up_to_the_limit(discs):
+    """a = P/M, from rest half a step before the start; the work is P times the path, what the limit takes is lost."""
+    steps, limited, dt, a = 100, 30, 1e-4, SERVO.force / SERVO.inertia
+    for limit, path in ((1.0, steps * (steps + 1) / 2), (limited * a * dt, limited * (steps - (limited - 1) / 2))):
+        lid = replace(HALL[3], servo=replace(SERVO, speed_limit=limit, damping_ratio=1e-12))
+        settings(discs, [*HALL[:3], lid], gravity=(0.0, 0.0))
+        one(discs, 1.0, (0.0, 0.0), dt)
+        begin = lsm.energies(discs)
+        discs.run(steps)
+        now, wall = lsm.energies(discs), discs.walls.snapshot()
+        assert wall["displacement"][3] == pytest.approx([0.0, -path * a * dt**2], rel=1e-9)
+        assert now.work == pytest.approx(SERVO.force * path * a * dt**2, rel=1e-9)
+        assert now.kinetic == pytest.approx(0.5 * SERVO.inertia * min(limit, (steps + 0.5) * a * dt) ** 2, rel=1e-9)
+        assert now.balance == pytest.approx(begin.balance, abs=2e-4 * now.work)
+        assert (now.dissipated > 0.5 * now.work) == (limit < 1.0)
+
+
+def test_a_lid_that_lands_presses_with_the_force_of_its_servo(discs):
+    """Discs in a row on the floor: the lid falls on the largest; the floor carries its force and the weights."""
+    r, mass = discs.state.radius.to_numpy().astype(float), 1.0 / discs.state.inverse_mass.to_numpy()
+    servo = replace(SERVO, force=1e5, damping_ratio=0.5)
+    lid = lsm.PlaneWall("lid", (0.0, 2.0 * r.max() + 0.01), (0.0, -1.0), servo=servo)
+    settings(discs, [*HALL[:3], lid], restitution=0.3, drag=8.0)
+    x = np.stack([1.5 * np.arange(COUNT) + 1.0, r - mass * G / K], axis=1)
+    scenes.reload(discs, 1e-4, position=x, velocity=0.0 * x, angular_velocity=np.zeros((COUNT, 1)))
+    begin = lsm.energies(discs).balance
+    discs.run(12_000)
+    wall, now = discs.walls.snapshot(), lsm.energies(discs)
+    assert wall["force"][3] == pytest.approx([0.0, 1e5], rel=1e-8, abs=1e-3)
+    assert wall["force"][0, 1] == pytest.approx(-1e5 - G * mass.sum(), rel=1e-8)
+    assert wall["displacement"][3, 1] == pytest.approx(-0.01 - 2.0 * 1e5 / K - mass[r.argmax()] * G / K, rel=0.05)
+    assert now.work == pytest.approx(-1e5 * wall["displacement"][3, 1], rel=1e-9)
+    assert now.balance == pytest.approx(begin, abs=2e-5 * now.work)
+    discs.walls.set_servo("lid", replace(servo, force=5e4))
+    discs.run(12_000)
+    assert discs.walls.snapshot()["force"][3, 1] == pytest.approx(5e4, rel=1e-8)
+
+
+def test_energy_closes_under_a_lid_with_a_servo_that_drags(discs):
+    _, begin = fly(discs, dt=5e-5, walls=PRESSED)
+    now, wall = lsm.energies(discs), discs.walls.snapshot()
+    assert wall["displacement"][3, 0] == pytest.approx(2.0, rel=1e-9)
+    assert wall["displacement"][3, 1] < -1.0 and now.dissipated > 0.1 * now.work > 0.0
+    assert now.balance == pytest.approx(begin, abs=4e-4 * now.work)
+
+
 @pytest.mark.validate  # tests/physics/test_bits.py has a wall
 def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, monkeypatch):
-    fly(discs, 0.6)
+    fly(discs, 0.6, walls=PRESSED)
     half = state(discs)
     lsm.save_checkpoint(discs, tmp_path / "half.nc")
     discs.run(2000)
@@ -216,7 +272,7 @@ def test_bits_do_not_depend_on_slots_and_survive_a_checkpoint(discs, tmp_path, m
     assert not same(state(discs), reference)
     monkeypatch.setattr(neighbour_search, "SORT_LEAST", 1)
     monkeypatch.setattr(neighbour_search, "SORT_INTERVAL", 1)
-    fly(discs, 0.6)
+    fly(discs, 0.6, walls=PRESSED)
     discs.run(2000)
     assert not np.array_equal(discs.grains.slots, np.arange(COUNT))
     assert not same(state(discs), reference)
@@ -236,7 +292,7 @@ def test_bits_do_not_depend_on_threads(tmp_path):
 def test_reset_refuses_walls_of_other_names_and_changes_nothing(discs):
     scene, before = discs.scene, state(discs)
     other = box_of_discs()
-    other.walls = [lsm.PlaneWall(f"other {wall.name}", wall.point, wall.normal) for wall in BOX]
+    other.walls = [replace(wall, name=f"other {wall.name}") for wall in PRESSED]
     with pytest.raises(lsm.InputError, match=r"Simulation.reset: walls .*'other"):
         discs.reset(other)
     assert discs.scene is scene and same(before, state(discs)) == []
@@ -255,6 +311,18 @@ def test_walls_that_make_no_sense_are_refused():
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 0.0)))
     with pytest.raises(lsm.InputError, match=r"wall 'a': velocity = .*, must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), 3.0))
+    for given, words in (
+        ({"servo": 1e4}, r"servo = 10000.0, must be WallServo\(...\), or None"),
+        ({"servo": SERVO, "velocity": (1.0, 1e-3)}, "velocity = .*, must lie along the wall, whose servo moves it"),
+    ):
+        with pytest.raises(lsm.InputError, match=f"wall 'a': {words}"):
+            walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), **given))
+    uneven = {"effects": [lsm.LinearElastic(K)], "integrator": lsm.ForestRuth}
+    with pytest.raises(lsm.InputError, match="wall 'a': servo with ForestRuth, whose steps differ in length"):
+        walls(replace(FLOOR, name="a", servo=SERVO), **uneven)
+    with pytest.raises(lsm.InputError, match=r"WallServo.force = -1.0: must be > 0 N"):
+        replace(SERVO, force=-1.0)
+    walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), (3.0, 0.0), servo=SERVO))
     with pytest.raises(lsm.InputError, match="wall 'a': point = 'origin', must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", "origin", (0.0, 1.0)))
     with pytest.raises(lsm.InputError, match=r"wall 'left': normal = .*, must be zero along the periodic axis x"):
@@ -284,6 +352,17 @@ def test_velocity_that_makes_no_sense_is_refused(discs):
         discs.walls.set_velocity("nowhere", (0.0, 0.0))
     with pytest.raises(lsm.InputError, match="wall 'floor': velocity = 'fast', must be 2 finite numbers"):
         discs.walls.set_velocity("floor", "fast")
+
+
+def test_servos_that_make_no_sense_are_refused(discs):
+    settings(discs, PRESSED)
+    discs.walls.begin(PRESSED)
+    with pytest.raises(lsm.InputError, match=r"wall 'lid': velocity = .*, must lie along the wall, whose servo"):
+        discs.walls.set_velocity("lid", (0.0, -1.0))
+    with pytest.raises(lsm.InputError, match=r"wall 'floor': servo = WallServo.*, must be a WallServo for a wall that"):
+        discs.walls.set_servo("floor", SERVO)
+    with pytest.raises(lsm.InputError, match=r"WallServo.inertia = 1.0: must be 4000.0 kg as at the start"):
+        discs.walls.set_servo("lid", replace(SERVO, inertia=1.0))
 
 
 def test_a_grain_that_goes_through_a_wall_stops_the_run(discs):

@@ -37,7 +37,7 @@ def arcs_between_platens_and_walls():
         area=6.5,
         walls=[
             lsm.PlaneWall("left", (-0.1, 0.0), (1.0, 0.0), (0.5, 0.2)),
-            lsm.PlaneWall("right", (6.6, 0.0), (-1.0, 0.0), (-0.5, 0.0)),
+            lsm.PlaneWall("right", (6.6, 0.0), (-1.0, 0.0), servo=lsm.WallServo(1e4, K, 4e3, 1.0)),
         ],
         skin=0.1,
     )
