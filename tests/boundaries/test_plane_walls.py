@@ -250,6 +250,20 @@ def test_a_lid_that_lands_presses_with_the_force_of_its_servo(discs):
     assert discs.walls.snapshot()["force"][3, 1] == pytest.approx(5e4, rel=1e-8)
 
 
+def test_impacts_on_an_accelerated_lid_are_of_high_order(discs):
+    """The onset correction needs the velocities of the lid in both last steps, which differ by 0.4 m/s and less."""
+    lid = lsm.PlaneWall("lid", (0.0, 89.0), (0.0, -1.0), servo=lsm.WallServo(4e6, K, 1e4, 1e3, damping_ratio=1e-9))
+    settings(discs, [*HALL[:3], lid], friction=0.0, gravity=(0.0, 0.0))
+    error, radius = [], float(discs.state.radius.to_numpy()[0])
+    for steps in (40.3, 80.3):
+        _, mass = one(discs, 89.0 - radius - 0.0101, (0.0, 1.0), steps=steps)
+        begin = lsm.energies(discs).balance
+        discs.run(int(np.sqrt(0.02 / 400.0) / discs.dt + 2 * steps))
+        assert discs.state.velocity.to_numpy()[0, 1] < -8.0 and discs.walls.snapshot()["force"][3, 1] == 0.0
+        error.append(abs(lsm.energies(discs).balance - begin) / (0.5 * mass))
+    assert error[0] < 3e-5 and error[1] < error[0] / 8
+
+
 def test_energy_closes_under_a_lid_with_a_servo_that_drags(discs):
     _, begin = fly(discs, dt=5e-5, walls=PRESSED)
     now, wall = lsm.energies(discs), discs.walls.snapshot()
