@@ -69,6 +69,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .io.open_run import open_runs as open_runs
     from .io.open_run import opened_run as opened_run
     from .io.open_sweep import open_sweep as open_sweep
+    from .io.run_file import RunWriter as RunWriter
     from .io.run_file import write_energies as write_energies
     from .io.run_file import write_table as write_table
     from .measure.contact_stiffness import contact_stiffness as contact_stiffness
@@ -81,6 +82,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .measure.sheared_cell import ShearedCell as ShearedCell
     from .measure.sheared_grains import ShearedGrains as ShearedGrains
     from .measure.sheared_layer import ShearedLayer as ShearedLayer
+    from .measure.wall_rows import WallSeries as WallSeries
     from .packing import grain_diameters as grain_diameters
     from .packing import loose_packing as loose_packing
     from .packing import random_rotations as random_rotations
@@ -141,7 +143,9 @@ _HOME = {
     "ShearedLayer": "measure.sheared_layer",
     "GrainOutlines": "io.grain_outlines",
     "outlines": "io.grain_outlines",
+    "WallSeries": "measure.wall_rows",
     "LayerRecorder": "io.layer_recorder",
+    "RunWriter": "io.run_file",
     "holder_of": "io.folder_lock",
     "locked": "io.folder_lock",
     "runtime_profile": "measure.profiling",

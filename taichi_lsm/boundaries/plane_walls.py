@@ -32,7 +32,7 @@ WALL_ROWS = [
     Variable("force_sum", ("wall", "space"), "f64", "N", "sum of that force over steps", True),
     Variable("work", ("wall",), "f64", "J", "work that moves the wall against the grains", True),
 ]
-PUBLISHED = ("displacement", "velocity", "force", "force_sum", "work")
+PUBLISHED = ("point", "normal", "displacement", "velocity", "force", "force_sum", "work")
 
 
 def contact_rows(spec: Any) -> list[Variable]:
@@ -170,9 +170,9 @@ class Walls:
         Returns
         -------
         dict
-            Arrays (wall, dim): `displacement` [m], `velocity` [m s-1], `force` of the grains [N] and its sum over
-            steps, `force_sum` [N], in which impulses count as force over dt. Array (wall,): `work` of what moves the
-            walls, servos too [J].
+            Arrays (wall, dim): `point` at the start [m], unit `normal` [1], `displacement` [m], `velocity` [m s-1],
+            `force` of the grains [N] and its sum over steps, `force_sum` [N], in which impulses count as force over
+            dt. Array (wall,): `work` of what moves the walls, servos too [J].
         """
         share_kernels(getattr(self, name) for name in PUBLISHED)
         return {name: read(getattr(self, name)) for name in PUBLISHED}

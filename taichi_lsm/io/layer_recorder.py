@@ -96,7 +96,7 @@ class LayerRecorder:
             out / "run.nc",
             [*layer.variables, STAGE_INDEX, *(CYCLE_ROWS if cycles else ())],
             attributes,
-            coordinates={"effect": layer.effects},
+            coordinates=layer.coordinates,
             auxiliary=("shear_strain",),
             text=STAGE,
             scalars=scalars,

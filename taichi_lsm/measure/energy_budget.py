@@ -73,7 +73,13 @@ def energies(
         dissipated, work = dissipated + cell["dissipated"], work + cell["work"]
     if sim.walls:
         work += float(sum(sim.walls.work[w] for w in range(sim.walls.count)))
-        if sim.walls.servos:
-            moving, lost = sim.walls.servos.energies(sim.walls, sim.dt if sim.integrator.half_step else 0.0)
-            kinetic, dissipated = kinetic + moving, dissipated + lost
+        moving, lost = wall_servo_energies(sim)
+        kinetic, dissipated = kinetic + moving, dissipated + lost
     return Energies(kinetic, sums["elastic_energy"], sums["potential_energy"], dissipated, work)
+
+
+def wall_servo_energies(sim: "Simulation") -> tuple[float, float]:
+    """Kinetic energy of the plane walls that servos move, and energy that these dissipated [J]; 0 without any."""
+    if not (sim.walls and sim.walls.servos):
+        return 0.0, 0.0
+    return sim.walls.servos.energies(sim.walls, sim.dt if sim.integrator.half_step else 0.0)

@@ -32,6 +32,8 @@ class LayerMemory:
         What was measured since the last row, see `Measure.sums`.
     platens, row_platens
         Snapshots of the platens, or of the height of a cell, at the last sample and at the last row.
+    row_walls
+        What the next row needs of the plane walls at the last one, `wall_rows.wall_sums`.
     """
 
     time: float
@@ -49,6 +51,7 @@ class LayerMemory:
     elastic: float = 0.0
     samples: list[dict[str, Any]] = field(default_factory=list)
     platens: dict[str, Any] = field(default_factory=dict)
+    row_walls: dict[str, Any] = field(default_factory=dict)
 
     def as_plain(self) -> dict[str, Any]:
         """All values as numbers, lists and dicts, exact to the last bit."""

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from ..core.errors import InputError, SimulationError
 from .contact_stiffness import contact_stiffness
-from .energy_budget import energies
+from .energy_budget import energies, wall_servo_energies
 from .layer_memory import LayerMemory
+from .wall_rows import wall_coordinates, wall_row, wall_sums
 
 if TYPE_CHECKING:
     from ..core.schema import Variable
@@ -84,6 +85,11 @@ class ShearedGrains(ABC):
     def works(drives: Mapping[str, Any]) -> npt.NDArray:
         """Work of the shear and of the normal stress since the start [J], of a snapshot of the drives."""
 
+    @property
+    def coordinates(self) -> dict[str, list[str]]:
+        """Labels of the dimensions of the schema rows beside time."""
+        return {"effect": self.effects, **wall_coordinates(self.sim)}
+
     def sample(self) -> None:
         """Measure the state now and add it to the present row."""
         with self.sim.clock("diagnostics"):
@@ -99,7 +105,7 @@ class ShearedGrains(ABC):
         drives
             Snapshot of the platens, None where there are none.
         lost
-            Energy that the drives dissipated [J].
+            Energy that the drives of platens or of a cell dissipated [J].
         more
             Further numbers of the sample.
         """
@@ -109,7 +115,7 @@ class ShearedGrains(ABC):
         # The budget: what is stored and dissipated now less the work done, against the same at the start.
         now = energies(sim, sums, drives)
         sums["translational_energy"] = now.kinetic - sums["rotational_energy"]
-        by_effect = [sums[f"dissipated_{e.name}"] for e in sim.forces.channels] + [lost]
+        by_effect = [sums[f"dissipated_{e.name}"] for e in sim.forces.channels] + [lost + wall_servo_energies(sim)[1]]
         memory.first_balance = now.balance if memory.first_balance is None else memory.first_balance
         memory.residual = memory.first_balance - now.balance
         memory.samples.append(sums | {"lost": by_effect, "work": now.work} | more)
@@ -199,6 +205,8 @@ class ShearedGrains(ABC):
             "sliding_fraction": mean("sliding_count") / contacts if contacts else 0.0,
             "deepest_overlap": max(s["deepest"] for s in samples),
         } | self._own_row(mean)
+        row |= wall_row(sim, memory.row_walls, memory.row_step)
+        memory.row_walls = wall_sums(sim)
         memory.elastic, memory.time = self._at_play(last), sim.time
         memory.row_step, memory.row_platens = sim.step, memory.platens
         samples.clear()

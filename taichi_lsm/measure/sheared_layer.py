@@ -17,6 +17,7 @@ from ..core.errors import InputError, SimulationError
 from .layer_memory import LayerMemory
 from .layer_rows import layer_rows
 from .sheared_grains import Row, ShearedGrains
+from .wall_rows import wall_sums, wall_variables
 
 if TYPE_CHECKING:
     from ..boundaries.platens import Platens
@@ -76,6 +77,7 @@ class ShearedLayer(ShearedGrains):
             works=self.works(now),
             row_step=sim.step,
             row_platens=now,
+            row_walls=wall_sums(sim),
         )
         self.sample()
         self.memory.first_residual = self.memory.residual
@@ -83,7 +85,8 @@ class ShearedLayer(ShearedGrains):
     @property
     def variables(self) -> list[Variable]:
         """Schema rows of run.nc."""
-        return layer_rows(self.sim.spec.bonds > 0, self.sprung, self.pushed, self.confined)
+        rows = layer_rows(self.sim.spec.bonds > 0, self.sprung, self.pushed, self.confined)
+        return rows + wall_variables(self.sim)
 
     def _planes(self, platens: Mapping[str, npt.NDArray]) -> tuple[float, float]:
         """Heights of the reference planes of the bottom and of the top platen [m]."""
