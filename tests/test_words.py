@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 GLOSSARY = ROOT / "docs" / "glossary.md"
-FOLDERS = ("taichi_lsm", "workflows", "benchmarks", "tests", "docs", "data")
+FOLDERS = ("taichi_lsm", "workflows", "benchmarks", "examples", "tests", "docs", "data")
 PAGES = ("README.md", "CONTRIBUTING.md")
 KINDS = (".py", ".md", ".toml", ".json", ".csv")
 # The list itself, and the names that the command line answers with the present ones.

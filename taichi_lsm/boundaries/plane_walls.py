@@ -183,7 +183,7 @@ class Walls:
         for w in range(self.count):
             if ti.static(self.spec.wall_servo):
                 if dt > 0.0:
-                    v, work = self.servos.kicked(w, self.velocity[w], self.normal[w], dt)
+                    v, work = self.servos.kick(w, self.velocity[w], self.normal[w], dt)
                     self.velocity[w] = v
                     self.work[w] = self.work[w] + work
             self.displacement[w] = self.displacement[w] + self.velocity[w] * dt

@@ -156,7 +156,7 @@ class WallServos:
         return result
 
     @ti.func
-    def kicked(self, w, v, n, dt):
+    def kick(self, w, v, n, dt):
         """Velocity [m s-1] of wall w after the kick of a step of dt [s], and the work of its servo in the step [J].
 
         v: before; n: normal. The force of the servo is constant, so that its work depends on the path alone.
