@@ -1,7 +1,7 @@
 """The servo of a plane wall, which keeps the force on it by moving it along its normal, and the state of the servos.
 
-With y the distance by which the wall has gone into the grains, F the force on it along its normal (negative where it is
-pressed) and P the force that the servo keeps, M y'' = F + P - C y': the equation of a platen under `ServoStress`.
+M y'' = F - P - C y' with y positive away from the grains, F their normal force on the wall and P the force that the
+servo keeps: the equation of a platen under `ServoStress`. Kernels count along the normal, towards the grains.
 """
 
 from collections.abc import Sequence
