@@ -9,7 +9,7 @@ from taichi_lsm.contact.polyhedron_table import PolyhedronTable
 from tests.helpers import scenes
 from tests.helpers.contact_probe import ContactProbe
 
-PAIRS = 48
+PAIRS = 32
 STIFFNESS = 1e5
 
 

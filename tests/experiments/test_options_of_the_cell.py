@@ -12,7 +12,7 @@ from workflows.common.parameters import merge
 from workflows.gouge import layer_run
 from workflows.plots import cell_plots
 
-pytestmark = pytest.mark.usefixtures("few_shapes")
+pytestmark = [pytest.mark.usefixtures("few_shapes"), pytest.mark.validate]
 
 BASES = [
     acts.LAYER,

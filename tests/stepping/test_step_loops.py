@@ -82,7 +82,10 @@ def everything(sim):
 LONG = pytest.param(arcs_between_platens_and_walls, marks=pytest.mark.validate)  # compiles for long
 
 
-@pytest.mark.parametrize("make", [LONG, sheared_discs, driven_discs])
+SHEARED = pytest.param(sheared_discs, marks=pytest.mark.validate)  # a driven cell is sheared, too
+
+
+@pytest.mark.parametrize("make", [LONG, SHEARED, driven_discs])
 def test_both_step_loops_give_the_same_bits(runtime, make):
     sim = scenes.simulate(make())
     assert sim.spec.onset and sim.spec.has_boundaries

@@ -113,7 +113,7 @@ def test_all_mistakes_at_once_and_nothing_written(plugins, tmp_path, capsys):
         (["list", "--laws"], "--laws is now called --effects."),
         (
             ["velocity-steps", "--stress-ratio", "2"],
-            "--stress-ratio is one of lsm normal-stress-steps, not of lsm veloc",
+            "--stress-ratio is one of lsm normal-stress-steps and oedometer, not",
         ),
         (
             ["shear-gouge", "--run-in=3"],
