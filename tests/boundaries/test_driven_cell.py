@@ -84,6 +84,7 @@ def test_a_gas_follows_the_affine_flow_and_takes_its_pressure_work(runtime, dim)
     assert lsm.energies(sim).work - gained == pytest.approx(1e6 * sim.domain.area[0] * (HIGH - h), rel=1e-12)
 
 
+@pytest.mark.validate
 def test_the_origin_of_the_flow_may_be_anywhere(runtime):
     """The same gas as seen from another height: grains and images lie where they did."""
     found = []

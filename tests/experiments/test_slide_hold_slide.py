@@ -96,6 +96,7 @@ def same_rows(one, other):
     return all(np.array_equal(one[name].values, other[name].values, equal_nan=True) for name in names)
 
 
+@pytest.mark.validate
 def test_a_branch_is_the_run_that_goes_through_all_its_stages_at_once(runtime, tmp_path, monkeypatch):
     """Bit for bit, though the run-in is made once for all branches."""
     monkeypatch.setattr(shear_gouge.run_plots, "plot_run", lambda *_: None)

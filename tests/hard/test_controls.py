@@ -91,6 +91,7 @@ def test_a_layer_that_is_sheared_exceeds_the_bounds_of_one_at_rest(bench):
     assert driven.height(driven.at_rest(bench)) == before
 
 
+@pytest.mark.validate
 def test_without_the_dissipated_energy_a_broken_chain_exceeds_the_bound_of_the_balance(bench):
     sim = bench.simulate(driven.chain())
     begin = lsm.energies(sim).balance

@@ -72,8 +72,11 @@ def falling_together(dim, speed=2.0, count=40):
     )
 
 
+PLANE = pytest.param(2, marks=pytest.mark.validate)
+
+
 @scenes.both_precisions
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [PLANE, 3])
 def test_momenta_of_an_isolated_cluster_are_exact(runtime, dim):
     sim = scenes.simulate(falling_together(dim))
     linear0, _, angular0, _ = scenes.momenta(sim)
