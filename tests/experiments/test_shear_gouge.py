@@ -1,5 +1,6 @@
 """The experiment on one layer: refused inputs, the state it reaches, and how it fails."""
 
+import contextlib
 import itertools
 
 import numpy as np
@@ -91,6 +92,15 @@ def test_effects_that_do_not_suit_the_grains_are_refused_as_effects(values, effe
     params = shear_gouge.Params(**values, effects=[effect])
     with pytest.raises(lsm.InputError, match=rf"^effects: refused, as .*{words}.*; lsm list --effects"):
         shear_gouge.check(params)
+
+
+def test_a_modulus_in_round_numbers_may_be_the_least():
+    """(E/P)^(2/3) is 100 but for rounding, and 100 the least stiffness number."""
+    for modulus, refused in ((5e9, False), (4.99e9, True)):
+        hertz = HERTZ | {"youngs_modulus": modulus}
+        params = shear_gouge.Params(shape="angular", dim=3, normal_stress=5e6, effects=[hertz])
+        with pytest.raises(lsm.InputError, match="stiffness number") if refused else contextlib.nullcontext():
+            shear_gouge.layer_scene.check_stiffness(params)
 
 
 def test_the_number_of_grains_sets_the_thickness_and_both_are_refused():

@@ -30,6 +30,7 @@ BOND_AREA = 0.25  # likewise in 3D, of the faces that two pieces share, in squar
 BOND_POISSON = 0.25
 BOND_ANGLE = float(np.arctan(0.75))  # internal friction of rock
 LARGEST_SPEED = 0.1  # of the servo, in diameters per inertial time
+ROUNDING = 1e-9  # by which a stiffness number may miss its bound, as that of a modulus given in round numbers does
 MOST_STEPS = 1e10  # of a run: a month, even of the smallest layer
 
 
@@ -66,9 +67,9 @@ def _check_effects(p: LayerParams) -> None:
 def check_stiffness(p: GrainParams) -> None:
     """Refuse contacts of angular grains that are too soft for their corners, of whatever effects."""
     number, least = p.stiffness / (p.normal_stress * p.diameter), p.least_stiffness_number
-    if p.shape == "angular" and number < least:
+    if p.shape == "angular" and number < least * (1.0 - ROUNDING):
         raise lsm.InputError(
-            f"effects: stiffness number {number:.3g} of the contacts, must be >= {least:g} with --corner-radius "
+            f"effects: stiffness number {number:.4g} of the contacts, must be >= {least:g} with --corner-radius "
             f"{p.corner_radius:g}: overlaps would exceed a tenth of what the corners can carry; make them stiffer"
         )
 
