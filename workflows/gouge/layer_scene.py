@@ -69,7 +69,7 @@ def check_stiffness(p: GrainParams) -> None:
     number, least = p.stiffness / (p.normal_stress * p.diameter), p.least_stiffness_number
     if p.shape == "angular" and number < least * (1.0 - ROUNDING):
         raise lsm.InputError(
-            f"effects: stiffness number {number:.4g} of the contacts, must be >= {least:g} with --corner-radius "
+            f"effects: stiffness number {number:.3g} of the contacts, must be >= {least:g} with --corner-radius "
             f"{p.corner_radius:g}: overlaps would exceed a tenth of what the corners can carry; make them stiffer"
         )
 
