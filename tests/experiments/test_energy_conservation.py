@@ -15,6 +15,7 @@ from workflows.protocol.finished_parts import FinishedParts
 SMALL = {"grains": 36, "steps": 400, "long_steps": 400, "seeds": 1, "order_seeds": 1, "order_grains": 36, "samples": 20}
 
 
+@pytest.mark.validate
 def test_small_gas_keeps_its_energy_and_the_printed_scheme_does_not(tmp_path, monkeypatch):
     monkeypatch.setattr(gas_metrics, "CONES", {})  # they have tests of their own, and compile for long
     # Two schemes are stood in for by the first: tests/experiments/test_accuracy_collisions.py has their orders.
