@@ -246,8 +246,9 @@ def _of_grains(p: Params, sim: lsm.Simulation) -> dict[str, NDArray]:
     owner = contacts.first_id.values[on_ram] // p.pieces
     force = np.bincount(owner, contacts.normal_force.values[on_ram], p.grains)
     mass = sim.scene.masses()[0]
-    of_fragment = np.bincount(lsm.fragments(sim), mass)
-    first = np.unique(lsm.fragments(sim), return_index=True)[1] // p.pieces  # the grain of each fragment
+    fragment = lsm.fragments(sim)
+    of_fragment = np.bincount(fragment, mass)
+    first = np.unique(fragment, return_index=True)[1] // p.pieces  # the grain of each fragment
     largest = np.zeros(p.grains)
     np.maximum.at(largest, first, of_fragment)
     whole = mass.reshape(p.grains, p.pieces).sum(axis=1)

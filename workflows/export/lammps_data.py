@@ -7,6 +7,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
 from workflows.export.snapshots import Frame, Snapshots
@@ -76,17 +77,11 @@ def spheres_of(frame: Frame, of_shape: list[tuple[NDArray, NDArray]]) -> Spheres
     counts = np.array([len(radius) for _, radius in of_shape])[shape]
     row = np.repeat(np.arange(len(shape)), counts)
     body = np.concatenate([of_shape[s][0] for s in shape]) * scale[row, None]
-    arm = _rotated(frame.orientation[row], np.pad(body, ((0, 0), (0, 3 - frame.dim))))
+    turned = Rotation.from_quat(frame.orientation[row], scalar_first=True)
+    arm = turned.apply(np.pad(body, ((0, 0), (0, 3 - frame.dim))))
     velocity = frame.velocity[row] + np.cross(frame.angular_velocity[row], arm)
     diameter = 2.0 * scale[row] * np.concatenate([of_shape[s][1] for s in shape])
     return Spheres(row, frame.position[row] + arm, velocity, diameter)
-
-
-def _rotated(quaternion: NDArray, vectors: NDArray) -> NDArray:
-    """Vectors (n, 3) rotated by unit quaternions (n, 4): a + 2 w (u x a) + 2 u x (u x a)."""
-    axis = quaternion[:, 1:]
-    across = 2.0 * np.cross(axis, vectors)
-    return vectors + quaternion[:, :1] * across + np.cross(axis, across)
 
 
 def _write_frame(file: TextIO, name: str, frame: Frame, spheres: Spheres) -> None:
