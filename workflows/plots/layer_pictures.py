@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import taichi_lsm as lsm
 
@@ -117,7 +118,7 @@ def _sections(grains, now, off):
         p, r = centre[own], radius[own]
         p, r = p[(p**2).sum(axis=1) <= r**2], r[(p**2).sum(axis=1) <= r**2]  # vertices do not hold the centre
         if "orientation" in now:
-            p = _rotated(now.orientation.values[g], p)
+            p = Rotation.from_quat(now.orientation.values[g], scalar_first=True).apply(p)
         square = (scale[g] * r) ** 2 - (scale[g] * p[:, 2] + off[g]) ** 2
         discs = shapely.buffer(
             shapely.points(scale[g] * p[:, :2]), np.sqrt(np.maximum(square, 0.0)), quad_segs=SEGMENTS
@@ -125,13 +126,6 @@ def _sections(grains, now, off):
         section = shapely.intersection_all(discs)
         result.append(None if section.is_empty else shapely.get_coordinates(shapely.get_exterior_ring(section)))
     return result
-
-
-def _rotated(quaternion, vectors):
-    """Body vectors (n, 3) in the world frame; unit quaternion w, x, y, z."""
-    w, axis = quaternion[0], quaternion[1:]
-    across = 2.0 * np.cross(axis, vectors)
-    return vectors + w * across + np.cross(axis, across)
 
 
 def bar_beside(axes: Any) -> Any:
