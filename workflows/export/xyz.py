@@ -16,7 +16,10 @@ FORMATS = [SPECIES, *["%.9g"] * 3, *["%d"] * 3, *["%.9g"] * 12]
 
 
 def write(snapshots: Snapshots, out: Path) -> Path:
-    """Write grains.xyz to the folder `out`; returns its path. Units are SI; the orientation is w, x, y, z."""
+    """Write grains.xyz to the folder `out`; returns its path.
+
+    Units are SI. The orientation is x, y, z, w, the order in which OVITO takes the four columns of this name.
+    """
     with lsm.replacing(out / "grains.xyz") as new, open(new, "w", encoding="ascii") as file:
         for frame in snapshots:
             _write_frame(file, frame)
@@ -33,7 +36,7 @@ def _write_frame(file: TextIO, frame: Frame) -> None:
         [
             *(frame.position, frame.grain, frame.constant("kind"), frame.constant("shape_index")),
             *(0.5 * frame.constant("shape_scale"), frame.constant("mass")),
-            *(frame.velocity, frame.angular_velocity, frame.orientation),
+            *(frame.velocity, frame.angular_velocity, np.roll(frame.orientation, -1, axis=1)),
         ]
     )
     np.savetxt(file, table, " ".join(FORMATS))

@@ -61,7 +61,7 @@ def test_extended_xyz_has_a_box_and_named_columns(folder, tmp_path):
     assert np.allclose(table[:, columns["mass"]].ravel(), now.mass)
     assert np.allclose(table[:, columns["pos"]][:, 1], now.position[:, 1], atol=1e-11)
     assert np.allclose(table[:, columns["velo"]][:, :2], now.velocity)
-    assert np.allclose(table[:, columns["orientation"]], now.orientation)
+    assert np.allclose(table[:, columns["orientation"]], now.orientation[:, [1, 2, 3, 0]])  # x, y, z, w as in OVITO
 
 
 def test_snapshots_are_selected(folder, tmp_path):
