@@ -17,6 +17,7 @@ from workflows import hard
 from workflows.common import fresh_processes, parallel_runs
 from workflows.common.discovery import find_workflows
 from workflows.common.former_names import FORMER
+from workflows.common.parameter_coordinates import UNITS
 from workflows.common.parameter_types import choices
 from workflows.common.parameters import Params, merge, to_toml
 from workflows.common.run_cost import RunCost
@@ -25,6 +26,8 @@ WORKFLOWS = find_workflows()
 PRESETS = ("smoke", "demo", "standard", "reference")
 # A number needs its unit; seeds and counts of threads are counts, and names have none.
 UNIT = re.compile(r"\[(1|[^\[\]]+)\]$")
+# In place of a unit: files call these "1".
+MEASURES = ("mean diameters", "equivalent diameters", "diameters", "contact durations", "tiles", "t_i")
 
 
 @pytest.fixture(params=sorted(WORKFLOWS))
@@ -118,7 +121,9 @@ def test_every_number_is_described_with_its_unit(module):
     for name, field in module.Params.model_fields.items():
         assert field.description, name
         if name not in Params.model_fields and re.search(r"\b(int|float)\b", str(field.annotation)):
-            assert UNIT.search(field.description), f"{name}: {field.description!r} ends with no [unit]"
+            unit = UNIT.search(field.description)
+            assert unit, f"{name}: {field.description!r} ends with no [unit]"
+            assert unit[1] in (*UNITS, "1", *MEASURES), f"{name}: files would have the unit 1 for {unit[1]!r}"
 
 
 def test_importing_a_workflow_loads_no_taichi(module):

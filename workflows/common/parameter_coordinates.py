@@ -10,7 +10,8 @@ import taichi_lsm as lsm
 from workflows.common.parameter_types import accepts, kind
 from workflows.common.parameters import Params
 
-UNITS = ("Pa", "N m-1", "kg m-3", "m", "m s-1", "s", "rad")  # of descriptions that are SI; other ones stay words
+# Units of descriptions that are SI; other ones stay words.
+UNITS = ("Pa", "Pa m-1", "N m-1", "kg m-3", "m", "m s-1", "s", "rad")
 RENAMED = {  # parameters whose names are those of measured variables
     "friction": "particle_friction",
     "inertial_number": "target_inertial_number",
