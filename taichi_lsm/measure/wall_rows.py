@@ -30,7 +30,7 @@ ROWS = [
         dims=VECTORS,
     ),
     series("wall_position", "m", "point of the wall", dims=VECTORS),
-    series("wall_velocity", "m s-1", "velocity of the wall at the time of the row", dims=VECTORS),
+    series("wall_velocity", "m s-1", "velocity of the wall, half a step before its position", dims=VECTORS),
     series("wall_work", "J", "work since the start of what moves the wall, its servo included", dims=OF_WALLS),
 ]
 
