@@ -79,7 +79,7 @@ def _cost_of(name: str, saved: dict[str, dict]) -> str:
     cost, noise = saved[name], -min(0.0, *(other["added_ns"] for other in saved.values()))
     time = f"{cost['added_ns']:.1f} ns per grain and step"
     if cost["added_ns"] <= noise:
-        time = f"time below what can be measured, {noise:.1f} ns per grain and step"
+        time = f"less time than can be measured, {noise:.1f} ns per grain and step"
     memory = f"{cost['added_bytes_per_grain']} bytes per grain, {cost['added_bytes_per_pair']} bytes per listed pair"
     return f"{time}, {memory}"
 

@@ -40,5 +40,5 @@ def test_costs_below_the_scatter_are_called_that(listed):
     assert not any(re.search(r"cost +-", text) for text in listed.values())
     added = {name: cost["added_ns"] for name, cost in json.loads(SAVED.read_text())["effects"].items()}
     least = min(added, key=lambda name: added[name])  # below 0, which no effect can be: so much is noise
-    assert (f"time below what can be measured, {-added[least]:.1f} ns" in listed[least]) == (added[least] < 0.0)
+    assert (f"less time than can be measured, {-added[least]:.1f} ns" in listed[least]) == (added[least] < 0.0)
     assert re.search(rf"cost +{added['linear_elastic']:.1f} ns per grain and step, 145 bytes", listed["linear_elastic"])
