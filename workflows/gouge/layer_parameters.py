@@ -68,7 +68,7 @@ class LayerParams(GrainParams):
         ge=1e-9,
         le=1e24,
         description="stiffness of a spring behind the servo over the area of the layer: by so much the normal stress "
-        "rises as the layer thickens, from the begin of shear on; none: it is constant [Pa m-1]",
+        "rises as the layer thickens, from when shear begins on; none: it is constant [Pa m-1]",
     )
 
     def problems_of_grains(self) -> Iterator[str]:
