@@ -6,7 +6,8 @@ import xarray as xr
 
 from workflows import shear_gouge
 from workflows.gouge.fragments import fragment_metrics, size_range, write_fragments
-from workflows.plots.fragments import plot_fragments
+from workflows.plots.fragments import Place, plot_fragments
+from workflows.plots.run_titles import title_of
 
 PARAMS = shear_gouge.Params(shape="angular", breakable=True, dim=3, pieces=27)
 STRAINS = (0.0, 0.0, 0.5)
@@ -79,3 +80,15 @@ def test_the_figure_shows_every_snapshot_but_the_first_and_the_file_is_whole(tmp
     write_fragments(tmp_path / "fragments.nc", catalogue(), PARAMS)
     with xr.open_dataset(tmp_path / "fragments.nc") as stored:
         assert stored.run_status == "complete" and stored.sizes["fragment"] == 460
+
+
+def test_a_layer_that_is_compressed_is_shown_by_its_normal_stress():
+    """No strain tells the snapshots of an oedometer apart, and its title speaks of no shear."""
+    last = catalogue().isel(fragment=slice(60, None)).assign(time=("fragment", np.full(400, 2.5)))
+    assert (Place(run_of()).label, Place(run_of()).words(last)) == ("shear strain [1]", "strain 0.5")
+    stress = {"platen_normal_stress": ("time", [5e6, 5e6, 1e7, 2e7]), "cycle": ("time", np.zeros(4, int))}
+    still = run_of().assign(shear_strain=("time", np.zeros(4)), **stress)
+    assert (Place(still).label, Place(still).words(last)) == ("normal stress [MPa]", "15 MPa")
+    assert "compressed in levels" in title_of(still) and "inertial" not in title_of(still)
+    sheared = title_of(run_of().assign(stress))
+    assert "sheared in stages" in sheared and "inertial number 0.001" in sheared

@@ -74,7 +74,9 @@ def fragment_metrics(run: xarray.Dataset, fragments: xarray.Dataset, params: Lay
         note="dissipated by the bonds broken since shear began over the new surface" + "; none broke" * (not surface),
     )
     work = float(sheared.work_throughput[-1])
-    metrics["fracture_share"] = Metric(lost / work if work else None, "1", note="of the throughput of work since shear began")
+    metrics["fracture_share"] = Metric(
+        lost / work if work else None, "1", note="of the throughput of work since shear began"
+    )
     return metrics
 
 

@@ -52,8 +52,14 @@ def course_of(sheared: xarray.Dataset, params: Any) -> Course:
     if holds(sheared).any() or pushed(sheared).any():
         unit = diameter * np.sqrt(params.density / params.normal_stress)
         time = sheared.time.values
-        return Course((time - time[0]) / unit, "time since shear began [inertial times]", timed=True)
+        start = "shear began" if is_sheared(sheared) else "the first level"
+        return Course((time - time[0]) / unit, f"time since {start} [inertial times]", timed=True)
     return Course(slip_of(sheared) / diameter, "slip in either direction [mean diameters]")
+
+
+def is_sheared(sheared: xarray.Dataset) -> bool:
+    """Whether the layer is sheared at all: in an oedometer it is not."""
+    return bool(np.ptp(sheared.shear_strain.values) > 0.0)
 
 
 def slip_of(sheared: xarray.Dataset) -> NDArray:

@@ -11,7 +11,8 @@ import taichi_lsm as lsm
 from workflows.gouge.labels import effect_words
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, figure_at
-from workflows.plots.run_titles import title_of
+from workflows.plots.course import Course, course_of, is_sheared
+from workflows.plots.run_titles import params_of, title_of
 from workflows.plots.step_panels import EFFECT_COLOURS, LEAST_SHARE, mean_diameter
 
 if TYPE_CHECKING:
@@ -36,10 +37,12 @@ def plot_fragments(path: Path, dataset: xarray.Dataset, fragments: xarray.Datase
     """
     with figure_at(path, (11, 7.4)) as figure:
         panels = figure.subplot_mosaic("ab;cd")
-        _draw_sizes(panels["a"], fragments, ends, mean_diameter(dataset))
-        _draw_dimension(panels["b"], fragments, ends)
+        sheared = sheared_rows(dataset)
+        place = Place(dataset)
+        _draw_sizes(panels["a"], fragments, ends, mean_diameter(dataset), place)
+        _draw_dimension(panels["b"], fragments, ends, place)
         _draw_shapes(panels["c"], fragments)
-        _draw_energy(panels["d"], sheared_rows(dataset))
+        _draw_energy(panels["d"], sheared, place.course(sheared, params_of(dataset)))
         for letter, axes in panels.items():
             axes.set_title(f"({letter}) {axes.get_title(loc='left')}")
         figure.suptitle(title_of(dataset))
@@ -52,13 +55,36 @@ def snapshots_of(fragments: xarray.Dataset) -> list[xarray.Dataset]:
     return [fragments.isel(fragment=numbers == number) for number in np.unique(numbers)[1:]]
 
 
-def _draw_sizes(axes: Any, fragments: xarray.Dataset, ends: tuple[float, float], size: float) -> None:
-    """Number of fragments above each size at some strains; that of the last one with its power law."""
+class Place:
+    """Where in a run (run.nc) a snapshot lies: its strain, or the normal stress [MPa] if the layer is not sheared."""
+
+    def __init__(self, run: xarray.Dataset) -> None:
+        sheared = is_sheared(sheared_rows(run))
+        self.stress = None if sheared else (run.time.values, 1e-6 * run.platen_normal_stress.values)
+        self.label = "normal stress [MPa]" if self.stress else "shear strain [1]"
+
+    def of(self, snapshot: xarray.Dataset) -> float:
+        """The value of a snapshot of fragments.nc."""
+        if self.stress:
+            return float(np.interp(float(snapshot.time[0]), *self.stress))
+        return float(snapshot.shear_strain[0])
+
+    def course(self, sheared: xarray.Dataset, params: Any) -> Course:
+        """What series are drawn against: the strain, or the time in a layer that is not sheared."""
+        return course_of(sheared, params) if self.stress else Course(sheared.shear_strain.values, self.label)
+
+    def words(self, snapshot: xarray.Dataset) -> str:
+        """The same with its name or unit."""
+        return f"{self.of(snapshot):.3g} MPa" if self.stress else f"strain {self.of(snapshot):.2g}"
+
+
+def _draw_sizes(axes: Any, fragments: xarray.Dataset, ends: tuple[float, float], size: float, place: Place) -> None:
+    """Number of fragments above each size at some places; that of the last one with its power law."""
     every = snapshots_of(fragments)
     shown = [every[i] for i in np.unique(np.linspace(0, len(every) - 1, MOST_CURVES).round().astype(int))]
     for shade, one in zip(np.linspace(0.75, 0.0, len(shown)), shown, strict=True):
         d = np.sort(one.diameter.values)[::-1]
-        label = f"strain {float(one.shear_strain[0]):.2g}"
+        label = place.words(one)
         axes.loglog(d / size, np.arange(1, d.size + 1), color=str(shade), lw=1.3, drawstyle="steps-post", label=label)
     d = shown[-1].diameter.values
     try:
@@ -77,12 +103,12 @@ def _draw_sizes(axes: Any, fragments: xarray.Dataset, ends: tuple[float, float],
     axes.legend(loc="lower left")
 
 
-def _draw_dimension(axes: Any, fragments: xarray.Dataset, ends: tuple[float, float]) -> None:
+def _draw_dimension(axes: Any, fragments: xarray.Dataset, ends: tuple[float, float], place: Place) -> None:
     """Fractal dimension with its 95 % interval, open where no power law holds, and the number of fragments."""
     count = []
     for one in snapshots_of(fragments):
-        strain = float(one.shear_strain[0])
-        count.append((strain, one.sizes["fragment"]))
+        at = place.of(one)
+        count.append((at, one.sizes["fragment"]))
         try:
             found = lsm.statistics.fragment_dimension(one.diameter.values, *ends)
         except lsm.InputError:
@@ -90,8 +116,8 @@ def _draw_dimension(axes: Any, fragments: xarray.Dataset, ends: tuple[float, flo
         if np.isfinite(found.dimension.half_width):
             face = ORANGE if found.distance < UNLIKELY / np.sqrt(found.fragments) else "white"
             bar = {"yerr": found.dimension.half_width, "fmt": "o", "ms": 5, "capsize": 3}
-            axes.errorbar(strain, found.dimension.mean, color=ORANGE, markerfacecolor=face, **bar)
-    axes.set(xlabel="shear strain [1]", title="dimension with its 95 % interval (open: no power law), number")
+            axes.errorbar(at, found.dimension.mean, color=ORANGE, markerfacecolor=face, **bar)
+    axes.set(xlabel=place.label, title="dimension with its 95 % interval (open: no power law), number")
     axes.set_ylabel("fractal dimension D [1]", color=ORANGE)
     number = axes.twinx()
     number.plot(*np.transpose(count), color=BLUE, lw=1.2, ls="--")
@@ -116,15 +142,18 @@ def _draw_shapes(axes: Any, fragments: xarray.Dataset) -> None:
     axes.legend(loc="lower left")
 
 
-def _draw_energy(axes: Any, sheared: xarray.Dataset) -> None:
-    """Dissipated energy of each effect since shear began, and the residual of the budget, over all work."""
+def _draw_energy(axes: Any, sheared: xarray.Dataset, course: Course) -> None:
+    """Dissipated energy of each effect since shear began, and the residual of the budget, over the throughput."""
     work = max(float(sheared.work_throughput.values[-1]), 1e-300)
-    strain, lost = sheared.shear_strain.values, sheared.dissipated_energy.values
+    lost = sheared.dissipated_energy.values
     names, colours = [str(name) for name in sheared.effect_name.values], iter(EFFECT_COLOURS)
     for name, values in zip(names, (lost - lost[0]).T, strict=True):
         if abs(values[-1]) > LEAST_SHARE * work:
-            axes.plot(strain, 100.0 * values / work, color=next(colours, "0.4"), lw=1.4, label=effect_words(name))
+            axes.plot(
+                course.values, 100.0 * values / work, color=next(colours, "0.4"), lw=1.4, label=effect_words(name)
+            )
     residual = sheared.energy_residual.values - sheared.energy_residual.values[0]
-    axes.plot(strain, 100.0 * residual / work, color="0.5", lw=1.0, ls=":", label="residual")
-    axes.set(xlabel="shear strain [1]", ylabel="share of all work [%]", title="where the work went")
+    axes.plot(course.values, 100.0 * residual / work, color="0.5", lw=1.0, ls=":", label="residual")
+    course.name_axis(axes)
+    axes.set(ylabel="share of the throughput [%]", title="where the work went")
     axes.legend(loc="best")

@@ -12,6 +12,7 @@ import numpy as np
 from workflows.common.metrics import shown
 from workflows.gouge.labels import friction_words, grains_of_run, other_effects, spring_words
 from workflows.gouge.layer_metrics import sheared_rows
+from workflows.plots.course import is_sheared
 
 if TYPE_CHECKING:
     import xarray
@@ -57,12 +58,16 @@ def conditions(params: Any, sheared: xarray.Dataset, grains: str) -> str:
         ends = dict.fromkeys(f"{mean:.2g}" for mean in (means.min(), means.max()))
         rates = " to ".join(ends)
     spring = spring_words(params)
-    driven = "sheared in stages" if "cycle" in sheared else "sheared at constant velocity"
+    driven, speed = "sheared at constant velocity", f"inertial number {rates}, "
+    if "cycle" in sheared:
+        driven = "sheared in stages"
+        if not is_sheared(sheared):
+            driven, speed = "compressed in levels", ""
     return (
         f"{params.dim}D gouge of {grains}, {' to '.join(sizes)} µm across, "
         f"{f'pulled by a spring of {spring}' if spring else driven}, "
         f"{_stresses(params, sheared)}, {friction_words(sheared)}{other_effects(sheared)}, "
-        f"inertial number {rates}, stiffness number {shown(float(sheared.stiffness_number))}"
+        f"{speed}stiffness number {shown(float(sheared.stiffness_number))}"
     )
 
 

@@ -65,6 +65,8 @@ def test_a_hold_and_a_shear_stress_are_drawn_against_time(sheared):
     course = course_of(sheared, PARAMS)
     assert course.values == pytest.approx(3.0 * np.arange(6))
     assert course.label == "time since shear began [inertial times]" and course.timed
+    still = HELD.assign(shear_strain=0.0 * HELD.shear_strain)
+    assert course_of(still, PARAMS).label == "time since the first level [inertial times]"
 
 
 def test_one_velocity_is_drawn_against_strain():
