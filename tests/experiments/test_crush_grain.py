@@ -78,6 +78,9 @@ def test_metrics_and_files_of_known_strengths(tmp_path, dim):
     assert 3.0 < metrics["weibull_modulus"].value < 7.0
     assert metrics["fragments"].value == 2.0 and metrics["fracture_energy"].value == pytest.approx(0.3)
     assert metrics["energy_residual"].holds and metrics["energy_residual"].value == pytest.approx(1e-4)
+    one = analyse(dataset.assign(strength=dataset.strength.where(dataset.strength == dataset.strength.min())), params)
+    for name in ("strength", "strength_ratio", "weibull_modulus"):
+        assert one[name].value is None and "unknown: 1 split" in one[name].note
     plot_crushing(tmp_path / "crush.png", dataset, params)
     assert (tmp_path / "crush.png").stat().st_size > 10_000
     assert float(dataset.compression[-1]) == pytest.approx(params.compression)

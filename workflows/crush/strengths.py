@@ -121,8 +121,9 @@ def _mean(failed: NDArray, params: Params) -> dict[str, Metric]:
     """Mean strength, also over that of the bonds, and the Weibull modulus, with their errors."""
     n = len(failed)
     if n < 2:
-        few = f"unknown: {n} grains split, at least 2 are needed: raise --grains or --compression"
-        return {name: Metric(None, unit, note=few) for name, unit in (("strength", "Pa"), ("strength_ratio", "1"))}
+        few = f"unknown: {n} split, at least 2 are needed: raise --grains or --compression"
+        units = {"strength": "Pa", "strength_ratio": "1", "weibull_modulus": "1"}
+        return {name: Metric(None, unit, note=few) for name, unit in units.items()}
     found = lsm.statistics.Estimate(float(failed.mean()), float(failed.std(ddof=1) / np.sqrt(n)), n, n - 1.0)
     ratio = found._replace(
         mean=found.mean / params.tensile_strength, standard_error=found.standard_error / params.tensile_strength
