@@ -52,8 +52,8 @@ class WallServo:
 
     Notes
     -----
-    The equation and the defaults are those of a platen under `ServoStress`. The wall has no weight, and contacts feel
-    it as of infinite mass. What the drag and the speed limit take from it is dissipated energy.
+    Equation and damping ratio are those of a platen under `ServoStress`. The wall has no weight, and contacts feel it
+    as of infinite mass. What the drag and the speed limit take from it is dissipated energy.
     """
 
     force: float
