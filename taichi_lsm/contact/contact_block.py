@@ -11,6 +11,7 @@ from typing import Any
 
 from ..core.fields import rotation_size
 from ..core.runtime import current, ti
+from ..effects.base import LENGTHS
 
 WIDTH = 32  # pairs of a block: enough to fill SIMD registers, few enough to compile fast
 AXIS = tuple(f"_{axis}" for axis in range(64))  # endings of the names of components
@@ -72,7 +73,7 @@ def contact_block_type(spec: Any, needs: Iterable[str], channels: int, crosses_s
     scalars = ["depth", "inverse_mass"]
     vectors = {"branch": dim, "normal": dim, "velocity": dim, "force": dim, "lost": channels, "memory": spec.history}
     integers = ["slot", "previous_status", "near", "status"]
-    scalars += [name for name in ("reduced_radius", "rolling_radius", "footprint") if name in needs]
+    scalars += [name for name in LENGTHS if name in needs]
     # Spheres: arms follow from radii and depth, so that their stages need no arms; shaped grains store them.
     if not spec.shaped:
         scalars += ["radius_sum"]

@@ -5,6 +5,7 @@ from typing import Any
 from ..core.allocation import when_allocated, write
 from ..core.rotation import torque_of, unrotate
 from ..core.runtime import current, ti
+from ..effects.base import LENGTHS
 from .error_flags import OVERLAP
 from .pair_storage import HAS_IMPULSE, PART_BASE
 from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
@@ -117,14 +118,23 @@ class PairGeometry:
         return half_width(r_k * r_l / (r_k + r_l), depth, ti.min(g.radius[k], g.radius[l]))
 
     @ti.func
+    def length(self, name: ti.template(), k, l, s, depth):
+        """The one of `LENGTHS` that is called `name` [m], of the grains of slot s; depth [m]."""
+        result = ti.cast(0.0, self.real)
+        if ti.static(name == "reduced_radius"):
+            result = self.reduced_radius(k, l, s)
+        elif ti.static(name == "rolling_radius"):
+            result = self.rolling_radius(k, l)
+        else:
+            result = self.footprint(k, l, s, depth)
+        return result
+
+    @ti.func
     def put_lengths(self, needs: ti.template(), block: ti.template(), i, k, l, s):
         """Put the lengths that effects need into contact i of a block, whose depth is there."""
-        if ti.static("reduced_radius" in needs):
-            block.reduced_radius[i] = self.reduced_radius(k, l, s)
-        if ti.static("rolling_radius" in needs):
-            block.rolling_radius[i] = self.rolling_radius(k, l)
-        if ti.static("footprint" in needs):
-            block.footprint[i] = self.footprint(k, l, s, block.depth[i])
+        for name in ti.static(LENGTHS):
+            if ti.static(name in needs):
+                block[name][i] = self.length(name, k, l, s, block.depth[i])
 
     @ti.func
     def shortest(self, k, l):

@@ -112,7 +112,8 @@ ON_CONTACTS = PHASES[:4]
 # footprint [m]: a = sqrt(2 R d), half of the width in which the outlines overlap, R the reduced radius of their
 # curvatures; at most a quarter of the lesser bounding diameter, for a side ends at its corners. 0 without a contact.
 # relative_angular_velocity [rad s-1]: of l against k, world frame.
-OPTIONAL = ("reduced_radius", "rolling_radius", "footprint", "relative_angular_velocity")
+LENGTHS = ("reduced_radius", "rolling_radius", "footprint")
+OPTIONAL = (*LENGTHS, "relative_angular_velocity")
 
 
 @dataclass(frozen=True)
@@ -214,7 +215,7 @@ def contact_type(dim: int, effects: Sequence["Effect"] = ()) -> Any:
     vector = ti.types.vector(dim, real)
     axial = ti.types.vector(1 if dim == 2 else 3, real)  # angular velocities and moments
     wanted = {name for effect in effects for name in effect.needs}
-    more = {name: real for name in ("reduced_radius", "rolling_radius", "footprint") if name in wanted}
+    more = {name: real for name in LENGTHS if name in wanted}
     more |= {"relative_angular_velocity": axial} if "relative_angular_velocity" in wanted else {}
     more |= {"contact_moment": axial} if any(effect.adds_moment for effect in effects) else {}
     more |= {"normal_change": vector} if dim == 3 else {}

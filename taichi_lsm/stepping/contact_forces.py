@@ -5,6 +5,7 @@ from ..contact.pair_storage import ACTING, HAS_IMPULSE, SLIDING, TOUCHING
 from ..contact.primitives import sphere_overlap
 from ..core.rotation import torque_of
 from ..core.runtime import ti
+from ..effects.base import LENGTHS
 from .effect_set import EffectSet
 from .onset_correction import OnsetCorrection
 
@@ -203,12 +204,9 @@ class ContactForces(EffectSet):
         contact = self.make_contact(v, n, depth, block.inverse_mass[i], normal_angular_velocity, dt)
         if ti.static(self.spec.rotates and self.dim == 3):
             contact.normal_change = normal_change
-        if ti.static("reduced_radius" in self.needs):
-            contact.reduced_radius = block.reduced_radius[i]
-        if ti.static("rolling_radius" in self.needs):
-            contact.rolling_radius = block.rolling_radius[i]
-        if ti.static("footprint" in self.needs):
-            contact.footprint = block.footprint[i]
+        for name in ti.static(LENGTHS):
+            if ti.static(name in self.needs):
+                contact[name] = block[name][i]
         if ti.static("relative_angular_velocity" in self.needs):
             if ti.static(self.spec.shaped):
                 relative = get(block, "relative_angular_velocity", i, self.rotation_size)

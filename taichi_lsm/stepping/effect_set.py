@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from ..core.rotation import rotational_velocity, velocity_turned_back
 from ..core.runtime import ti
 from ..effects import Effect, contact_type
-from ..effects.base import ON_CONTACTS, PHASES
+from ..effects.base import LENGTHS, ON_CONTACTS, PHASES
 
 
 def sorted_by_phase(effects: Iterable[Effect]) -> list[Effect]:
@@ -69,12 +69,9 @@ class EffectSet:
         if ti.static(self.spec.shaped):
             inverse_mass = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
         contact = self.make_contact(v, n, depth, inverse_mass, normal_angular_velocity, dt)
-        if ti.static("reduced_radius" in self.needs):
-            contact.reduced_radius = self.geometry.reduced_radius(k, l, s)
-        if ti.static("rolling_radius" in self.needs):
-            contact.rolling_radius = self.geometry.rolling_radius(k, l)
-        if ti.static("footprint" in self.needs):
-            contact.footprint = self.geometry.footprint(k, l, s, depth)
+        for name in ti.static(LENGTHS):
+            if ti.static(name in self.needs):
+                contact[name] = self.geometry.length(name, k, l, s, depth)
         if ti.static("relative_angular_velocity" in self.needs):
             contact.relative_angular_velocity = ti.cast(g.angular_velocity[l] - g.angular_velocity[k], self.real)
         return contact

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from taichi_lsm.effects import Bodies
+from taichi_lsm.effects.base import LENGTHS
 from tests.effects.test_every_effect import DEPTH, EFFECTS, SPRING, random_contacts
 from tests.helpers.effect_bench import COUNT, bench_of
 from tests.helpers.scenes import PRECISION
@@ -36,8 +37,7 @@ def setting(name):
         "approach": 0.0,
     }
     inputs |= {"slip": 0.0, "relative_angular_velocity": 0.0}
-    inputs |= dict.fromkeys(("reduced_radius", "rolling_radius"), 0.5 * RADIUS)
-    inputs["footprint"] = 0.5 * RADIUS  # the widest
+    inputs |= dict.fromkeys(LENGTHS, 0.5 * RADIUS)  # and that is the widest footprint
     return effect, bench, inputs, mass
 
 

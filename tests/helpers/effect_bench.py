@@ -6,6 +6,7 @@ import numpy as np
 
 from taichi_lsm.core.runtime import ti
 from taichi_lsm.effects import contact_type
+from taichi_lsm.effects.base import LENGTHS
 
 COUNT = 1000
 MOST_HISTORY = 16  # numbers that an effect of these tests may remember
@@ -14,9 +15,7 @@ NUMBERS = (
     "gap",
     "approach",
     "normal_angular_velocity",
-    "reduced_radius",
-    "rolling_radius",
-    "footprint",
+    *LENGTHS,
     "mass",
     "dt",
     "normal_force",
@@ -78,6 +77,7 @@ class Bench:
         self.has_energy = hasattr(type(effect), "contact_energy")
         for name, field in self.columns.fields.items():
             setattr(self, name, field)
+        self.lengths = [(name, self.columns.fields[name]) for name in LENGTHS if name in effect.needs]
 
     def take(self, effect):
         """Go on with the parameters of another effect of the same variant."""
@@ -117,12 +117,8 @@ class Bench:
         """Inputs that only some contacts have."""
         if ti.static(self.dim == 3):
             contact.normal_change = self.normal_change[c]
-        if ti.static("reduced_radius" in self.effect.needs):
-            contact.reduced_radius = self.reduced_radius[c]
-        if ti.static("rolling_radius" in self.effect.needs):
-            contact.rolling_radius = self.rolling_radius[c]
-        if ti.static("footprint" in self.effect.needs):
-            contact.footprint = self.footprint[c]
+        for name, lengths in ti.static(self.lengths):
+            contact[name] = lengths[c]
         if ti.static("relative_angular_velocity" in self.effect.needs):
             contact.relative_angular_velocity = self.relative_angular_velocity[c]
         if ti.static(self.effect.adds_moment):
