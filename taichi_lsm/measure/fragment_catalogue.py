@@ -11,13 +11,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
-from ..shapes.geometry import polygon_integrals, unit_normals
+from ..shapes.geometry import polygon_integrals
+from ..shapes.patch_outlines import points_of_arcs
+from ..shapes.patch_surfaces import PatchSurface
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 NEEDED = ("bond_first", "bond_second", "bond_area", "bond_intact", "orientation", "shear_strain")
-POINTS = 9  # of each arc of an outline (2D)
 ROWS = {  # name: (unit, meaning)
     "mass": ("kg", "mass"),
     "diameter": ("m", "diameter of the disc of equal area (2D) or of the sphere of equal volume (3D)"),
@@ -140,15 +141,10 @@ def _body_moments(grains: Dataset) -> NDArray:
 
 
 def _outline_moments(shape: Dataset) -> NDArray:
-    """Second moments (2, 2) of the area within the arcs of a convex outline, about its centre of mass at the origin.
-
-    The arcs are taken in the order of their normals, each as a polygon.
-    """
-    axis = shape.patch_axis.values
-    angle = np.arctan2(axis[:, 1], axis[:, 0])
-    spread = np.linspace(-1.0, 1.0, POINTS, endpoint=False)
-    points = [
-        shape.patch_centre.values[i] + shape.patch_radius.values[i] * unit_normals(angle[i] + half * spread)
-        for i, half in sorted(enumerate(shape.patch_angle.values), key=lambda arc: angle[arc[0]])
-    ]
-    return polygon_integrals(np.concatenate(points))[2]
+    """Second moments (2, 2) of the area within the arcs of a convex outline, about its centre of mass at the origin."""
+    centre, radius, axis = shape.patch_centre.values, shape.patch_radius.values, shape.patch_axis.values
+    none = np.zeros(len(radius))  # one convex part, without rounded edges
+    arcs = PatchSurface(centre, radius, axis, shape.patch_angle.values, none, none)
+    # A convex outline has its arcs in the order of their normals.
+    points, _ = points_of_arcs(arcs.rows(np.argsort(np.arctan2(axis[:, 1], axis[:, 0]))))
+    return polygon_integrals(points)[2]
