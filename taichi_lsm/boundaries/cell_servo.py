@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..core.errors import InputError, finite, require
+from .servo import drag_of, require_positive
 
 
 @dataclass(frozen=True)
@@ -48,9 +47,7 @@ class CellServo:
 
     def __post_init__(self) -> None:
         require(finite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
-        for name in ("stiffness", "inertia", "damping_ratio"):
-            value = getattr(self, name)
-            require(finite(value) and value > 0, self, name, value, "> 0")
+        require_positive(self, "stiffness", "inertia", "damping_ratio")
         require(finite(self.least_height) and self.least_height >= 0, self, "least_height", self.least_height, ">= 0 m")
         limit = self.speed_limit
         require(finite(limit) and limit >= 0, self, "speed_limit", limit, ">= 0 m/s, 0 for a constant height")
@@ -58,7 +55,7 @@ class CellServo:
     @property
     def drag(self) -> float:
         """Drag C of the height [kg s-1]."""
-        return 2.0 * self.damping_ratio * float(np.sqrt(self.inertia * self.stiffness))
+        return drag_of(self)
 
 
 def check_servo(scene: Any) -> None:

@@ -29,7 +29,7 @@ from ..core.runtime import ti
 from ..core.schema import Variable
 from .cell_servo import CellServo
 from .periodic_cell import SHEAR_ROWS, Domain, nearest_integer
-from .platen_drives import servo_kick
+from .servo import servo_kick
 
 
 def _row(name: str, units: str, long_name: str, restart: bool = True) -> Variable:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.errors import finite, require
 from ..core.runtime import ti
+from .servo import UNITS, drag_of, require_positive, servo_kick
 
 VALUES = 4  # numbers per driven axis in the parameter field
 UNBOUNDED = 1e300  # stands for infinity in kernels
@@ -133,23 +134,6 @@ class SpringLoadPoint:
         return v_new, tension * 0.5 * (v + v_new) * dt, 0.0 * v, stretch + (p[0] - v_new) * dt
 
 
-@ti.func
-def servo_kick(load, drag, limit, inertia, v, force, dt):
-    """New velocity [m s-1], work of the stress [J] and energy dissipated [J] of M y'' = F - load - drag y'.
-
-    load [N]: of the stress; drag [kg s-1]; limit [m s-1]: of the speed; inertia [kg]: M; v [m s-1]: velocity; force
-    [N]: F, of the grains; dt [s]. The drag is evaluated at the mean velocity of the step, (v + v')/2, so that any C is
-    stable.
-    """
-    a = 0.5 * drag * dt / inertia
-    v_new = ((1.0 - a) * v + dt / inertia * (force - load)) / (1.0 + a)
-    v_new = ti.max(-limit, ti.min(limit, v_new))
-    v_mean = 0.5 * (v + v_new)
-    # Impulse of drag and speed limit: the change of momentum that contacts and stress do not explain.
-    held = inertia * (v_new - v) - (force - load) * dt
-    return v_new, -load * v_mean * dt, -held * v_mean
-
-
 @ti.data_oriented
 @dataclass
 class ServoStress:
@@ -190,17 +174,14 @@ class ServoStress:
     def __post_init__(self) -> None:
         require(finite(self.stress) and self.stress > 0, self, "stress", self.stress, "> 0 Pa")
         require(self.outward in (-1, 1), self, "outward", self.outward, "-1 or 1")
-        for name in ("stiffness", "inertia", "speed_limit", "damping_ratio"):
-            value = getattr(self, name)
-            require(finite(value) and value > 0, self, name, value, "> 0")
+        require_positive(self, *UNITS)
 
     def values(self, area: float) -> tuple[float, ...]:
         """Numbers that the kernel reads: force of the stress [N], drag C [kg s-1], speed limit [m s-1] and mass [kg].
 
         area [m2]: surface of the platen on which the stress acts.
         """
-        drag = 2.0 * self.damping_ratio * np.sqrt(self.inertia * self.stiffness)
-        return (self.stress * area * self.outward, drag, self.speed_limit, self.inertia)
+        return (self.stress * area * self.outward, drag_of(self), self.speed_limit, self.inertia)
 
     @ti.func
     def kick(self, p, v, force, mass, dt):

@@ -16,7 +16,7 @@ from ..core.errors import InputError, finite, require
 from ..core.fields import allocate
 from ..core.runtime import ti
 from ..core.schema import Variable
-from .platen_drives import servo_kick
+from .servo import UNITS, drag_of, require_positive, servo_kick
 
 VALUES = 4  # of a servo, as the kernel reads them: force, drag, limit of the speed and mass
 SERVO_ROWS = [
@@ -63,20 +63,12 @@ class WallServo:
     damping_ratio: float = 0.2
 
     def __post_init__(self) -> None:
-        for name, unit in (
-            ("force", " N"),
-            ("stiffness", " N/m"),
-            ("inertia", " kg"),
-            ("speed_limit", " m/s"),
-            ("damping_ratio", ""),
-        ):
-            value = getattr(self, name)
-            require(finite(value) and value > 0, self, name, value, f"> 0{unit}")
+        require(finite(self.force) and self.force > 0, self, "force", self.force, "> 0 N")
+        require_positive(self, *UNITS)
 
     def values(self) -> tuple[float, float, float, float]:
         """Numbers that the kernel reads: force P [N], drag C [kg s-1], speed limit [m s-1] and mass M [kg]."""
-        drag = 2.0 * self.damping_ratio * float(np.sqrt(self.inertia * self.stiffness))
-        return (self.force, drag, self.speed_limit, self.inertia)
+        return (self.force, drag_of(self), self.speed_limit, self.inertia)
 
 
 @ti.data_oriented
