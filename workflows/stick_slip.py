@@ -19,7 +19,7 @@ import taichi_lsm as lsm
 from workflows.common.metrics import Metric, metrics_of_value
 from workflows.common.reports import Progress
 from workflows.common.run_folder import Existing
-from workflows.common.run_table import attributes_of
+from workflows.common.run_table import write_result
 from workflows.gouge import layer_scene
 from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_metrics import quality_metrics, sheared_rows
@@ -154,9 +154,7 @@ def write_events(out: Path, events: xarray.Dataset, params: Params) -> None:
     """Write events.nc."""
     title = "Slip events of a layer that a spring pulls"
     summary = "One row per event: times, drop, slip, and where the energy went that the spring released."
-    attributes = attributes_of(params, title, summary, params.seed)
-    with lsm.replacing(out / FILE) as new:
-        events.assign_attrs(events.attrs | attributes | {"run_status": "complete"}).to_netcdf(new, engine="netcdf4")
+    write_result(out / FILE, events, params, title, summary)
 
 
 def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, Metric]:

@@ -1,4 +1,4 @@
-"""The table of an experiment that consists of many runs, one row each."""
+"""Files of what an experiment found: the result of one run, and the table of many runs, one row each."""
 
 from __future__ import annotations
 
@@ -21,6 +21,31 @@ def attributes_of(
 ) -> dict[str, Any]:
     """Global attributes of a file of the experiment with these parameters; seed and dt [s] where all has the same."""
     return lsm.file_attributes(title, summary, to_toml(params), seed, dt, params.arch, params.precision)
+
+
+def write_result(
+    path: Path,
+    result: xarray.Dataset | xarray.DataTree,
+    params: Params,
+    title: str,
+    summary: str,
+    dt: float | None = None,
+) -> None:
+    """Write what a complete run came to, one group or several, to the NetCDF file `path`; dt: time step [s]."""
+    import xarray
+
+    whole = result.copy()
+    whole.attrs |= attributes_of(params, title, summary, params.seed, dt) | {"run_status": "complete"}
+    encoding: Any = _without_fill_values(whole)
+    if isinstance(whole, xarray.DataTree):
+        encoding = {group.path: _without_fill_values(group) for group in whole.subtree}
+    with lsm.replacing(path) as new:
+        whole.to_netcdf(new, engine="netcdf4", encoding=encoding)
+
+
+def _without_fill_values(group: xarray.Dataset | xarray.DataTree) -> dict[Any, dict[str, None]]:
+    """Encoding of the variables of a group: no value is missing, and nan is nan to every reader."""
+    return {name: {"_FillValue": None} for name in group.variables}
 
 
 def write_runs(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, metrics_of_value
-from workflows.common.run_table import attributes_of
+from workflows.common.run_table import write_result
 
 if TYPE_CHECKING:
     import xarray
@@ -86,14 +86,9 @@ def write_crushing(out: Path, columns: dict[str, NDArray], params: Params, dt: f
         "time": ("row", columns["time"], {"units": "s", "long_name": "time"}),
         "compression": ("row", along, {"units": "1", "long_name": "way of the platen over the height of a grain"}),
     }
-    title, summary = (
-        "Crushing of single grains",
-        "Each grain on its own between two platens, the upper one moving down.",
-    )
-    attributes = attributes_of(params, title, summary, params.seed, dt)
-    dataset = xarray.Dataset(data, coords, attributes | {"run_status": "complete"})
-    with lsm.replacing(out / FILE) as new:
-        dataset.to_netcdf(new, engine="netcdf4", encoding={name: {"_FillValue": None} for name in dataset.variables})
+    title = "Crushing of single grains"
+    summary = "Each grain on its own between two platens, the upper one moving down."
+    write_result(out / FILE, xarray.Dataset(data, coords), params, title, summary, dt)
     return lsm.open_run(out / FILE)
 
 

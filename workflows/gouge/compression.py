@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import taichi_lsm as lsm
-from workflows.common.run_table import attributes_of
+from workflows.common.run_table import write_result
 from workflows.protocol.stage_tables import RESERVED
 
 if TYPE_CHECKING:
@@ -74,10 +73,7 @@ def write_levels(out: Path, levels: xarray.Dataset, params: Any) -> None:
     """Write compression.nc."""
     title = "Compression of a layer that cannot widen"
     summary = "One row per level of the normal stress, the first of the consolidation: void ratio and breakage."
-    attributes = attributes_of(params, title, summary, params.seed)
-    whole = levels.assign_attrs(attributes | {"run_status": "complete"})
-    with lsm.replacing(out / FILE) as new:
-        whole.to_netcdf(new, engine="netcdf4", encoding={name: {"_FillValue": None} for name in whole.variables})
+    write_result(out / FILE, levels, params, title, summary)
 
 
 def two_lines(x: NDArray, y: NDArray) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from workflows.common.metrics import Metric, metrics_of_value
-from workflows.common.run_table import attributes_of
+from workflows.common.run_table import write_result
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.plots.fragments import UNLIKELY, plot_fragments
@@ -36,10 +36,7 @@ def conclude_fragments(dataset: xarray.Dataset, params: LayerParams, out: Path) 
 def write_fragments(path: Path, fragments: xarray.Dataset, params: LayerParams) -> None:
     """Write fragments.nc."""
     summary = "One row per fragment and snapshot: mass, size, shape, and the surface that broken bonds have left on it."
-    attributes = attributes_of(params, "Fragments of breakable grains", summary, params.seed)
-    with lsm.replacing(path) as new:
-        whole = fragments.assign_attrs(attributes | {"run_status": "complete"})
-        whole.to_netcdf(new, engine="netcdf4", encoding={key: {"_FillValue": None} for key in whole.variables})
+    write_result(path, fragments, params, "Fragments of breakable grains", summary)
 
 
 def size_range(params: LayerParams) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 import taichi_lsm as lsm
-from workflows.common.run_table import attributes_of
+from workflows.common.run_table import write_result
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.protocol.stage_tables import Interval, Sample, StageTable, Until
@@ -121,9 +121,7 @@ def write_cycles(out: Path, stacks: Mapping[str, xarray.Dataset], params: LayerP
 
     tree = xarray.DataTree.from_dict({f"/{stage}": stack for stage, stack in stacks.items()})
     summary = f"Series of run.nc after each step, one group for each kind: {', '.join(stacks)}."
-    tree.attrs = attributes_of(params, title, summary, params.seed) | {"run_status": "complete"}
-    with lsm.replacing(out / FILE) as new:
-        tree.to_netcdf(new, engine="netcdf4", format="NETCDF4")
+    write_result(out / FILE, tree, params, title, summary)
 
 
 def mean_and_error(stack: xarray.Dataset, name: str) -> tuple[NDArray, NDArray]:
