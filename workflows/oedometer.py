@@ -139,10 +139,6 @@ check, estimate = layer_scene.check, layer_cost  # as of every layer
 def run(
     params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
-    """Run the experiment; writes run.nc, grains.nc, compression.nc, their pictures and summary.json; returns run.nc.
-
-    existing: what becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on.
-    Raises InputError before anything is computed, SimulationError if the run has to be stopped.
-    """
+    """As `shear_gouge.run`; writes run.nc, grains.nc, compression.nc, their pictures, summary.json; returns run.nc."""
     check(params)
     return run_layer(OEDOMETER, None, params, out, progress, existing)

@@ -38,30 +38,12 @@ def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, M
 
 SHEAR = LayerExperiment("shear-cell", _conclude, frozenset({"strain"}), frozenset({"steady_from"}), Cell())
 RESUMABLE = SHEAR.resumable  # parameters that may change in a run that goes on
-
-
 check, estimate = cell_scene.check, layer_cost
 
 
 def run(
     params: Params, out: str | os.PathLike[str], progress: Progress | None = None, existing: Existing = "refuse"
 ) -> xarray.Dataset:
-    """Run the experiment; writes run.nc, grains.nc, run.png and summary.json to `out`, returns run.nc.
-
-    Parameters
-    ----------
-    params, out, progress
-        Of the run; its folder; takes reports.
-    existing
-        What becomes of a run that is there: it makes `run` refuse the folder, is removed, or goes on, to the same bits
-        as if it had not been stopped. Of its parameters only RESUMABLE may differ then.
-
-    Raises
-    ------
-    InputError
-        Before anything is computed, if the parameters give no cell, or the folder or the run in it do not suit.
-    SimulationError
-        If the run has to be stopped; the files written so far are kept.
-    """
+    """As `shear_gouge.run`, of a cell; writes run.nc, grains.nc, run.png, summary.json; returns run.nc."""
     check(params)
     return run_layer(SHEAR, None, params, out, progress, existing)
