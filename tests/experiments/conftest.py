@@ -23,5 +23,10 @@ def few_shapes():
 
 def remembered(make):
     """As `make`, which is called once for equal arguments."""
-    cached = functools.lru_cache(maxsize=None)(lambda text: make(*json.loads(text)))
-    return lambda *arguments, made=None: cached(json.dumps(arguments))
+
+    @functools.cache
+    def cached(text):
+        arguments, options = json.loads(text)
+        return make(*arguments, **options)
+
+    return lambda *arguments, made=None, **options: cached(json.dumps([arguments, options]))

@@ -174,6 +174,14 @@ def test_every_corner_radius_of_shapes_that_replace_those_of_a_layer_is_accepted
     assert outcome("accuracy-cost", {"corners": radius, "shapes": "sphere,angular"}) == "accepted"
 
 
+def test_flat_sides_are_accepted_from_the_roundest_to_the_flattest():
+    """In 2D and 3D: the shapes are made."""
+    angular = TINY_LAYER | {"grains": "20", "shape": "angular"}
+    for key, more in (("side_half_width", {}), ("face_flatness", {"dim": "3", "width": "5"})):
+        for value in bounds(WORKFLOWS["shear-gouge"].Params.model_fields[key].metadata)[0]:
+            assert outcome("shear-gouge", angular | more | {key: repr(value)}) == "accepted", (key, value)
+
+
 def test_refusals_name_option_value_allowed_and_remedy():
     base = TINY["shear-gouge"][0]
     platen = outcome("shear-gouge", base | {"platen_roughness": "3"})

@@ -48,7 +48,7 @@ BASES = {
         LAYER,
         LAYER | {"shape": "angular"},
         LAYER | {"shape": "angular", "breakable": True},
-        LAYER | {"dim": 3, "width": 5.0},
+        LAYER | {"dim": 3, "width": 5.0, "shape": "angular"},
         LAYER | {"effects": [RATE_AND_STATE, HERTZ]},
         LAYER | {"effects": [DASHPOT], "load_stiffness": 1e3},
         {name: value for name, value in LAYER.items() if name not in ("strain", "steady_from")}
@@ -193,13 +193,8 @@ ROWS = (
     *("energy_residual", "work_throughput", "inertial_number", "layer_thickness", "porosity"),
     *("coordination_number", "sliding_fraction", "deepest_overlap"),
 )
-
-
 StagedParams = (velocity_steps.Params, normal_stress_steps.Params, stick_slip.Params, oedometer.Params)
-EXPERIMENTS = (
-    *((velocity_steps, "STEPS"), (normal_stress_steps, "STEPS")),
-    *((stick_slip, "STICK_SLIP"), (oedometer, "OEDOMETER")),
-)
+EXPERIMENTS = {velocity_steps: "STEPS", normal_stress_steps: "STEPS", stick_slip: "STICK_SLIP", oedometer: "OEDOMETER"}
 
 
 @pytest.fixture
@@ -230,7 +225,7 @@ def observed(monkeypatch, tmp_path):
     monkeypatch.setattr(compare_shapes, "run_replicas", jobs_of)
     monkeypatch.setattr(target_runs, "run_replicas", jobs_of)
 
-    for module, of_module in EXPERIMENTS:  # what they conclude from their files is tested with these
+    for module, of_module in EXPERIMENTS.items():  # what they conclude from their files is tested with these
         experiment = getattr(module, of_module)
         concluded = replace(experiment, conclude=lambda dataset, params, out: log.append(params.format) or {})
         monkeypatch.setattr(module, of_module, concluded)
@@ -298,6 +293,10 @@ def test_every_option_of_a_layer_acts_or_is_refused(name, observed):
 REFUSED = [
     ({}, "width", "7"),
     ({}, "corner_radius", "0.05"),
+    ({}, "side_half_width", "0.01"),
+    ({"shape": "angular", "breakable": True}, "side_half_width", "0.01"),
+    ({"shape": "angular", "dim": "3"}, "side_half_width", "0.01"),
+    ({"shape": "angular"}, "face_flatness", "50"),
     ({}, "pieces", "7"),
     ({"shape": "angular"}, "bond_strength", "20"),
     ({"shape": "angular"}, "weibull_modulus", "5"),

@@ -37,6 +37,14 @@ def test_every_wrong_value_is_reported():
         ({"strain": 1.0, "steady_from": 1.0}, "steady_from"),
         ({"strain": 1.05, "steady_from": 1.0}, "needs 12 rows"),
         ({"shape": "angular", "corner_radius": 0.01, "stiffness_number": 200.0}, "stiffness_number"),
+        (
+            {"shape": "angular", "precision": "f32", "side_half_width": 1e-3},
+            "side_half_width = 0.001: must be >= 0.0021 ",
+        ),
+        (
+            {"shape": "angular", "dim": 3, "precision": "f32", "face_flatness": 200},
+            "face_flatness = 200: must be <= 167 ",
+        ),
         ({"shape": "sphere", "breakable": True}, "breakable needs shape angular, not shape round"),
         ({"dim": 3, "platen_roughness": 1.5}, "platen_roughness 1.5 must be <= 1 in 3D"),
         ({"target_error": 0.01, "load_stiffness": 1e3}, "target_error is for layers of whole grains"),

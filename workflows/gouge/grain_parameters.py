@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, which ties its thickness to its grains
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
 LARGE, LITTLE = 1.0, 100.0  # size [m] and stress [Pa] beyond which other units may be meant
+FLAT = ("side_half_width", "face_flatness")  # parameters of flat sides (2D) and faces (3D)
+SIDE = 0.7  # of a long side of an angular grain [diameters]
+F32, ROUNDED = 6e-8, 0.01  # rounding of a radius, and the greatest share of an overlap that it may be
 EFFECTS_HELP = "lsm list --effects shows what there is"
 REPLACED = {  # parameters of the default effects, by the role of an effect that replaces one
     "elasticity": ("stiffness_number",),
@@ -82,6 +85,20 @@ class GrainParams(BaseParams):
     corner_radius: float = Field(
         default=0.05, ge=0.01, le=0.25, description="corner radius of angular grains [equivalent diameters]"
     )
+    side_half_width: float | None = Field(
+        default=None,
+        ge=1e-4,
+        le=0.2,
+        description="angle by which a side of an angular grain turns to either side of its normal, 2D only: the less, "
+        "the flatter; none: 3 degrees, 0.0524 [rad]",
+    )
+    face_flatness: float | None = Field(
+        default=None,
+        ge=2,
+        le=1e4,
+        description="radius of the faces of an angular grain over its size, 3D only; none: 5, more where a face would "
+        "stand out far [1]",
+    )
     rows_per_strain: int = Field(
         default=100, ge=10, le=100_000, description="rows of run.nc per unit of shear strain [1]"
     )
@@ -120,6 +137,21 @@ class GrainParams(BaseParams):
                 f"--stiffness-number {self.stiffness_number:g} must be >= {least:g} with --corner-radius "
                 f"{self.corner_radius:g}, or overlaps exceed a tenth of what corners can carry; raise one of the two"
             )
+        if self.precision == "f32" and not self.effects:
+            yield from self._rounded_sides()
+
+    def _rounded_sides(self) -> Iterator[str]:
+        """Sides so flat that rounding their radius in f32 shifts them by too large a share of an overlap, d/kappa."""
+        idle, most = self.idle(), ROUNDED / (F32 * self.stiffness_number)  # radius [diameters]
+        half, flatness = self.side_half_width, self.face_flatness
+        why = (
+            f"with --precision f32 and --stiffness-number {self.stiffness_number:g}, or rounding shifts the surface by "
+            "more than a hundredth of an overlap"
+        )
+        if half is not None and "side_half_width" not in idle and half < 0.5 * SIDE / most:
+            yield f"--side-half-width {half:g}: must be >= {0.5 * SIDE / most:.3g} {why}; raise it, or give f64"
+        if flatness is not None and "face_flatness" not in idle and flatness > most:
+            yield f"--face-flatness {flatness:g}: must be <= {most:.3g} {why}; lower it, or give f64"
 
     def problems_of_shear(self) -> Iterator[str]:
         """Contradictions in how the grains are sheared, which each experiment has its own parameters of; none here."""
@@ -162,9 +194,11 @@ class GrainParams(BaseParams):
                 f"beside --grains {self.grains}, from which the {self.thickness_name.rpartition('_')[2]} follows"
             )
         if self.dim == 2:
-            found["width"] = "with --dim 2"
+            found |= dict.fromkeys(("width", "face_flatness"), "with --dim 2")
+        else:
+            found["side_half_width"] = "with --dim 3"
         if self.shape != "angular":
-            found["corner_radius"] = f"with --shape {self.shape}"
+            found |= dict.fromkeys(("corner_radius", *FLAT), f"with --shape {self.shape}")
         fields = type(self).model_fields
         for effect in self.given_effects():
             replaced = [name for name in REPLACED.get(effect.role or effect.phase, ()) if name in fields]
@@ -196,6 +230,12 @@ class GrainParams(BaseParams):
         thickness, lengths = self.layer
         sizes = {self.thickness_name: thickness / self.diameter, "length": lengths[0] / self.diameter}
         return super().resolved() | sizes
+
+    @property
+    def flat_sides(self) -> dict[str, Any]:
+        """How flat sides or faces of angular grains are, as an argument of what makes them; {}: as these make them."""
+        given = {"side_half_width": self.side_half_width} if self.dim == 2 else {"flatness": self.face_flatness}
+        return {name: value for name, value in given.items() if value is not None}
 
     @property
     def given_thickness(self) -> float | None:

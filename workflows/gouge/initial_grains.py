@@ -132,7 +132,8 @@ def unplaced_grains(
         angular = lsm.shapes.random_angular_shapes if p.dim == 2 else lsm.shapes.random_angular_polyhedra
         with in_terms_of(f"--corner-radius {p.corner_radius:g}, --seed {p.seed}", "lower the corner radius"):
             kinds = min(count, SHAPES[p.dim])
-            shapes = shapes + angular(kinds, p.seed, p.corner_radius, made=_making_shapes(progress, kinds))
+            made = _making_shapes(progress, kinds)
+            shapes = shapes + angular(kinds, p.seed, p.corner_radius, made=made, **p.flat_sides)
     diameter = lsm.grain_diameters(rng, count, p.smallest_diameter, p.largest_diameter)
     shape_index = rng.integers(1, len(shapes), count) if p.shape == "angular" else np.zeros(count, int)
     rotation = lsm.random_rotations(rng, count, p.dim)

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from workflows.gouge.expected_shear import short_stages
-from workflows.gouge.grain_parameters import PACKED, GrainParams
+from workflows.gouge.grain_parameters import FLAT, PACKED, GrainParams
 
 LEAST_THICKNESS = 8  # of a layer [mean diameters]
 LEAST_INERTIA = 0.05  # of the top platen, in layer masses; docs/decisions/0007
@@ -103,6 +103,8 @@ class LayerParams(GrainParams):
         found = super().idle()
         if not self.breakable:
             found |= dict.fromkeys(("pieces", "bond_strength", "weibull_modulus"), "without --breakable")
+        else:
+            found |= dict.fromkeys(FLAT, "with --breakable, whose pieces have sides of their own")
         return found
 
     @property
