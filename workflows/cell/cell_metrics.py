@@ -9,7 +9,7 @@ import numpy as np
 import taichi_lsm as lsm
 from workflows.cell.parameters import CellParams
 from workflows.common.metrics import Metric, metrics_of_estimate
-from workflows.gouge.layer_metrics import NO_STIFFNESS, NOTES, claimed, mean_metric, residual_metric, sheared_rows
+from workflows.gouge.layer_metrics import NOTES, claimed, mean_metric, residual_metric, sheared_rows, stiffness_metric
 
 if TYPE_CHECKING:
     import xarray
@@ -41,7 +41,7 @@ def analyse(dataset: xarray.Dataset, params: CellParams) -> dict[str, Metric]:
     sheared = sheared_rows(dataset)
     steady = sheared.isel(time=sheared.shear_strain.values >= params.steady_from)
     friction = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
-    normal, number = float(steady.cell_normal_stress.mean()), float(dataset.stiffness_number)
+    normal = float(steady.cell_normal_stress.mean())
     # The inertial number of the stress that there was: that of constant volume is what the grains make it.
     rate = float(steady.inertial_number.mean()) * float(np.sqrt(params.normal_stress / normal))
 
@@ -60,7 +60,7 @@ def analyse(dataset: xarray.Dataset, params: CellParams) -> dict[str, Metric]:
         ),
         "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(rate, "1", note="of the mean normal stress"),
-        "stiffness_number": Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS),
+        "stiffness_number": stiffness_metric(dataset),
         "energy_residual": residual_metric(sheared),
         **{name: mean_metric(estimate(name), unit, NOTES.get(name)) for name, unit in STEADY.items()},
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),

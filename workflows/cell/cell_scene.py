@@ -13,7 +13,14 @@ from workflows.common.refusals import check_idle, in_terms_of
 from workflows.common.reports import Progress
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.grain_parameters import EFFECTS_HELP, MOST_GRAINS
-from workflows.gouge.initial_grains import DENSEST, Unplaced, initial_orientations, least_cell, unplaced_grains
+from workflows.gouge.initial_grains import (
+    Unplaced,
+    densest_height,
+    initial_orientations,
+    least_cell,
+    lengths_as_options,
+    unplaced_grains,
+)
 from workflows.gouge.layer_scene import LARGEST_SPEED, check_steps, check_stiffness, effects_of, mobile_count, stand_in
 
 if TYPE_CHECKING:
@@ -84,8 +91,7 @@ def build(params: CellParams, progress: Progress | None = None) -> lsm.Scene:
             f"--solid-fraction {p.solid_fraction:g}: the grains fill {solid / (p.area * height):.3g} of the cell "
             "before it is pressed, must be more than that; give --start loose, or a higher fraction"
         )
-    cell = ", ".join(f"{option} {length / d:g}" for option, length in zip(("--length", "--width"), lengths))
-    with in_terms_of(cell, "make the cell larger, or the range of the effects shorter"):
+    with in_terms_of(lengths_as_options(p), "make the cell larger, or the range of the effects shorter"):
         scene = lsm.Scene(
             dim=dim,
             lengths=(lengths[0], height, *lengths[1:]),
@@ -129,9 +135,7 @@ def _placed(p: CellParams, rng: np.random.Generator, grains: Unplaced) -> tuple[
         place = lsm.loose_packing(rng, reach, lengths, p.dim)
         return place, float((place[:, 1] + reach).max() - (place[:, 1] - reach).min())
     nothing = np.zeros((0, p.dim)), np.zeros(0)
-    solid = (np.pi / (4.0 if p.dim == 2 else 6.0)) * float((grains.diameter**p.dim).sum())
-    height = max(solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths))), 2.0 * float(reach.max()))
     with in_terms_of("--start dense", "give --start loose"):
-        place, raised = lsm.dense_packing(rng, *grains[:4], lengths, (nothing, nothing), height)
+        place, raised = lsm.dense_packing(rng, *grains[:4], lengths, (nothing, nothing), densest_height(p, grains))
     # Centres lie between the two borders of the packing: beyond them is room for the outermost grains.
     return place, raised + 2.0 * float(reach.max())

@@ -25,6 +25,9 @@ SHAPES = {2: 200, 3: 60}  # different angular shapes in a layer, at most
 DENSEST = {2: {"round": 0.80, "angular": 0.71}, 3: {"round": 0.60, "angular": 0.47}}
 
 
+LENGTHS = ("--length", "--width")  # options of the periodic lengths
+
+
 class MobileGrains(NamedTuple):
     """Mobile grains between two platens, n of them or of their pieces.
 
@@ -58,6 +61,11 @@ class MobileGrains(NamedTuple):
     bond_area: NDArray | None = None
 
 
+def lengths_as_options(params: GrainParams) -> str:
+    """The periodic lengths as a user gives them, "--length 20, --width 7"."""
+    return ", ".join(f"{option} {length / params.diameter:g}" for option, length in zip(LENGTHS, params.layer[1]))
+
+
 def least_cell(params: GrainParams, across: float, what: str) -> None:
     """Refuse a periodic cell in which a grain `across` [m] could touch two images of another one.
 
@@ -67,7 +75,7 @@ def least_cell(params: GrainParams, across: float, what: str) -> None:
         If length or width is below twice `across`; `what` names the grains in the message.
     """
     d = params.diameter
-    for option, length in zip(("--length", "--width"), params.layer[1]):
+    for option, length in zip(LENGTHS, params.layer[1]):
         if length < 2.0 * across:
             raise lsm.InputError(
                 f"{option} {length / d:g} mean diameters: must be >= {2.0 * across / d:.3g}, twice the largest of the "
@@ -278,14 +286,18 @@ def _between(
     # Grains reach into the valleys of the platens, so heights count from the mean of the innermost points.
     floor, roof = -(low[:, 1] + 0.5 * low_size).mean(), -(high[:, 1] - 0.5 * high_size).mean()
     up = np.eye(p.dim)[1]
-    one = lsm.disc() if p.dim == 2 else lsm.sphere()
-    solid = one.measure * float((grains.diameter**p.dim).sum())
-    # At least a single layer fits in.
-    height = max(solid / (DENSEST[p.dim][p.shape] * float(np.prod(lengths))), 2.0 * float(grains.reach.max()))
     inner = (low + floor * up, low_size), (high + roof * up, high_size)
     with in_terms_of("--start dense", "give --start loose"):
-        place, raised = lsm.dense_packing(rng, *grains[:4], lengths, inner, height)
+        place, raised = lsm.dense_packing(rng, *grains[:4], lengths, inner, densest_height(p, grains))
     return place, (floor, roof + raised)
+
+
+def densest_height(params: GrainParams, grains: Unplaced) -> float:
+    """Height [m] at which the search for a dense start begins; at least a single layer of grains fits in."""
+    one = lsm.disc() if params.dim == 2 else lsm.sphere()
+    solid = one.measure * float((grains.diameter**params.dim).sum())
+    filled = DENSEST[params.dim][params.shape] * float(np.prod(params.layer[1]))
+    return max(solid / filled, 2.0 * float(grains.reach.max()))
 
 
 def initial_orientations(rotation: NDArray, glued: int) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "platen_bulk_difference": Metric(apart, "1"),
         "consolidation_share": Metric(float(sheared.time[0] / dataset.time[-1]), "1"),
         "inertial_number": Metric(float(steady.inertial_number.mean()), "1"),
-        "stiffness_number": _stiffness(dataset),
+        "stiffness_number": stiffness_metric(dataset),
         "energy_residual": residual_metric(sheared),
         "normal_stress_error": Metric(normal, "1"),
         "normal_stress_rms": Metric(rms, "1"),
@@ -91,7 +91,7 @@ def quality_metrics(dataset: xarray.Dataset, params: LayerParams) -> dict[str, M
     return {
         **({"cycles": Metric(cycles, "1", note=words)} if cycles else {}),
         "shear_strain": Metric(float(sheared.shear_strain[-1]), "1", note="of all stages"),
-        "stiffness_number": _stiffness(dataset),
+        "stiffness_number": stiffness_metric(dataset),
         "energy_residual": claimed("energy_residual", residual_metric(sheared)),
         "deepest_overlap": Metric(float(dataset.deepest_overlap.max()), "1"),
         **_breakage(sheared),
@@ -105,8 +105,8 @@ def residual_metric(sheared: xarray.Dataset) -> Metric:
     return Metric(float(residual / sheared.work_throughput[-1]), "1")
 
 
-def _stiffness(dataset: xarray.Dataset) -> Metric:
-    """Stiffness number of the contacts."""
+def stiffness_metric(dataset: xarray.Dataset) -> Metric:
+    """Stiffness number of the contacts, or why it is unknown."""
     number = float(dataset.stiffness_number)
     return Metric(number, "1", note=None if np.isfinite(number) else NO_STIFFNESS)
 

@@ -14,7 +14,13 @@ from workflows.common.reports import Progress
 from workflows.common.small_scenes import scene_of
 from workflows.gouge.expected_shear import expected
 from workflows.gouge.grain_parameters import EFFECTS_HELP, MOST_GRAINS, PACKED, GrainParams
-from workflows.gouge.initial_grains import breakable_grains, initial_orientations, least_cell, whole_grains
+from workflows.gouge.initial_grains import (
+    breakable_grains,
+    initial_orientations,
+    least_cell,
+    lengths_as_options,
+    whole_grains,
+)
 from workflows.gouge.layer_parameters import LEAST_INERTIA, SPRINGS, LayerParams
 
 if TYPE_CHECKING:
@@ -147,8 +153,7 @@ def build(params: LayerParams, progress: Progress | None = None, shapes: Sequenc
     servo = _servo(p, sizes, high[1])
     still = [lsm.Fixed()] * (dim - 2)
     # All other values are checked above: only the cell can still be too small for the skin and the range of effects.
-    cell = ", ".join(f"{option} {length / d:g}" for option, length in zip(("--length", "--width"), lengths))
-    with in_terms_of(cell, "make the layer larger, or the range of the effects shorter"):
+    with in_terms_of(lengths_as_options(p), "make the layer larger, or the range of the effects shorter"):
         scene = lsm.Scene(
             dim=dim,
             lengths=(lengths[0], np.inf, *lengths[1:]),
