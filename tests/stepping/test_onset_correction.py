@@ -101,14 +101,16 @@ def error_of_a_collision(sim, duration, steps_per_contact):
 @pytest.mark.validate  # compiles for long
 @pytest.mark.parametrize("dim", [2, 3])
 def test_collisions_of_angular_grains_converge_with_hertz(dim):
-    """The median of 200 collisions off centre, on arcs, faces, edges and corners; few cross a seam unnoticed."""
+    """200 collisions off centre, on arcs, faces, edges and corners: the median, and the worst, none of which crosses a
+    seam unnoticed (those that did, 3 % of the crossings, erred by 1.6e-6 at any step)."""
     duration = np.pi * np.sqrt(0.8 / (2.0 * STIFFNESS))
     hertz = hertz_of_the_duration(duration, 0.6, 0.4 if dim == 2 else 0.26, 0.25)
     pairs = Collisions(dim, hertz, lsm.OnsetVerlet)
-    errors = np.array([np.nanmedian(np.abs(pairs.errors(dt))) for dt in (2e-3, 2.5e-4)])
-    print(f"{dim}D: {errors}")
+    every = np.abs([pairs.errors(dt) for dt in (2e-3, 2.5e-4)])
+    errors, worst = np.nanmedian(every, axis=1), np.nanmax(every, axis=1)
+    print(f"{dim}D: median {errors}, worst {worst}")
     assert np.log(errors[0] / errors[1]) / np.log(8.0) > 3.3
-    assert errors[1] < 1e-9
+    assert errors[1] < 1e-9 and worst[1] < 1e-7
 
 
 # tests/experiments/test_accuracy_collisions.py has the order of linear contacts
