@@ -11,6 +11,7 @@ from . import describe
 from .bonds.bond_setup import bond_rate
 from .boundaries.cell_servo import CellServo
 from .boundaries.platens import Platen
+from .boundaries.wall_servo import check_servo_steps
 from .boundaries.wall_setup import PlaneWall
 from .core.errors import InputError, finite
 from .core.fields import rotation_size
@@ -312,10 +313,12 @@ class Scene:
         Raises
         ------
         InputError
-            For a step at which a single contact of the lightest grains may be unstable.
+            For a step at which a single contact of the lightest grains, or the servo of a wall, may be unstable.
         """
         if self.dt is None:
-            return self.safety * self.stable_dt()
+            dt = self.safety * self.stable_dt()
+            check_servo_steps(self.walls, dt)
+            return dt
         if not (finite(self.dt) and self.dt > 0.0):
             raise InputError(f"Scene.dt: {self.dt!r} s, must be > 0, or None for a stable one")
         if self.guards.step:
@@ -325,6 +328,7 @@ class Scene:
                     f"Scene.dt: {self.dt:g} s, must be <= {most:g} s, "
                     "the stable step of a single contact of the lightest grains"
                 )
+        check_servo_steps(self.walls, self.dt)
         return self.dt
 
 

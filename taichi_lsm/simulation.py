@@ -15,6 +15,7 @@ from .bonds.bond_setup import bond_effect
 from .boundaries.driven_cell import cell_of
 from .boundaries.plane_walls import Walls
 from .boundaries.platens import Platens
+from .boundaries.wall_servo import check_servo_steps
 from .contact.error_flags import ErrorFlags
 from .contact.neighbour_list import NeighbourList, grown
 from .contact.neighbour_search import NeighbourSearch
@@ -123,7 +124,7 @@ class Simulation:
             mass, _ = scene.masses()
             self.platens = Platens(scene.platens, self.grains, scene.platen_area(), scene.platen_index, mass, self._dt)
         if spec.walls:
-            self.walls = Walls(spec, scene.walls, self.grains)
+            self.walls = Walls(spec, scene.walls, self.grains, self._dt)
         reach = self.skin + scene.reach()
         self.search = NeighbourSearch(spec, self.grains, self.domain, reach, self.parts, self.bonds)
 
@@ -215,12 +216,15 @@ class Simulation:
     def set_time_step(self, dt: float) -> None:
         """Choose the time step [s], for a run that is about to `restart`: velocities live half a step before positions.
 
-        Raises InputError unless it is a positive number.
+        Raises InputError unless it is a positive number that resolves the platens and walls on what drives them.
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise InputError(f"Simulation.set_time_step: dt = {dt!r} s, must be > 0")
         if self.platens:
             self.platens.set_time_step(float(dt))
+        if self.walls:
+            check_servo_steps(self.scene.walls, float(dt))
+            self.walls.dt = float(dt)
         self._dt = float(dt)
         self.integrator.set_time_step(self._dt)
 

@@ -60,14 +60,16 @@ class Walls:
         The walls at the start.
     grains
         State of the grains.
+    dt : float
+        Time step [s], against which new servos are checked.
 
     Notes
     -----
     The rows of the contacts go by persistent id: they stay in place when the slots of the grains are sorted anew.
     """
 
-    def __init__(self, spec: Any, walls: Sequence[PlaneWall], grains: Any) -> None:
-        self.spec = spec
+    def __init__(self, spec: Any, walls: Sequence[PlaneWall], grains: Any, dt: float) -> None:
+        self.spec, self.dt = spec, dt
         self.names = [wall.name for wall in walls]
         self.count, self.dim, self.real = len(walls), grains.dim, current().real
         self.rows = contact_rows(spec)
@@ -151,12 +153,12 @@ class Walls:
         Raises
         ------
         InputError
-            If there is no such wall, it began without a servo, or the inertia differs.
+            If there is no such wall, it began without a servo, the inertia differs, or the step cannot follow it.
         """
         w = self._index(name)
         if not self.servos:
             raise InputError(f"wall {name!r}: set_servo, but no wall of the scene began with a servo")
-        self.servos.set(w, name, servo)
+        self.servos.set(w, name, servo, self.dt)
 
     def _index(self, name: str) -> int:
         """Row of the wall of this name; InputError if there is none."""

@@ -53,7 +53,8 @@ class WallServo:
     Notes
     -----
     Equation and damping ratio are those of a platen under `ServoStress`. The wall has no weight, and contacts feel it
-    as of infinite mass. What the drag and the speed limit take from it is dissipated energy.
+    as of infinite mass. Below M = K dt^2 a time step dt cannot follow the wall and is refused. What the drag and the
+    speed limit take from it is dissipated energy.
     """
 
     force: float
@@ -65,6 +66,15 @@ class WallServo:
     def __post_init__(self) -> None:
         require(finite(self.force) and self.force > 0, self, "force", self.force, "> 0 N")
         require_positive(self, *UNITS)
+
+    def check_step(self, dt: float) -> None:
+        """Raise InputError unless the time step dt [s] resolves the wall on the grains, K <= M/dt^2.
+
+        See `SpringLoadPoint.check_step`.
+        """
+        least = self.stiffness * dt**2
+        allowed = f">= stiffness dt^2 = {least:g} kg, for the wall oscillates on the grains; raise it or lower the step"
+        require(self.inertia >= least, self, "inertia", self.inertia, allowed)
 
     def values(self) -> tuple[float, float, float, float]:
         """Numbers that the kernel reads: force P [N], drag C [kg s-1], speed limit [m s-1] and mass M [kg]."""
@@ -95,19 +105,20 @@ class WallServos:
         for row in (self.push, self.dissipated):
             write(row, np.zeros(len(servos)))
 
-    def set(self, w: int, name: str, servo: WallServo) -> None:
-        """Change the servo of wall w, called `name`, to one of the same inertia.
+    def set(self, w: int, name: str, servo: WallServo, dt: float) -> None:
+        """Change the servo of wall w, called `name`, to one of the same inertia; dt [s]: the time step.
 
         Raises
         ------
         InputError
-            If it is no servo, the wall had none at the start, or the inertia differs.
+            If it is no servo, the wall had none at the start, the inertia differs, or the step cannot follow it.
         """
         values = read(self.values)
         if not isinstance(servo, WallServo) or not values[w, 3] > 0.0:
             raise InputError(f"wall {name!r}: servo = {servo!r}, must be a WallServo for a wall that begins with one")
         inertia = float(values[w, 3])
         require(servo.inertia == inertia, servo, "inertia", servo.inertia, f"{inertia!r} kg as at the start")
+        servo.check_step(dt)
         values[w] = servo.values()
         write(self.values, values)
 
@@ -191,6 +202,13 @@ def check_wall_servo(wall: Any, normal: NDArray, integrator: type) -> None:
             f"wall {wall.name!r}: servo with {integrator.__name__}, whose steps differ in length; "
             "must be a Verlet scheme"
         )
+
+
+def check_servo_steps(walls: Sequence[Any], dt: float) -> None:
+    """Raise InputError unless a time step dt [s] resolves every wall that a servo moves."""
+    for wall in walls:
+        if wall.servo is not None:
+            wall.servo.check_step(dt)
 
 
 def require_along(name: str, velocity: Any, normal: NDArray) -> None:

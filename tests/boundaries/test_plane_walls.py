@@ -323,6 +323,9 @@ def test_walls_that_make_no_sense_are_refused():
         walls(FLOOR, FLOOR)
     with pytest.raises(lsm.InputError, match=r"wall 'a': normal = .*, must not be zero"):
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 0.0)))
+    for length in (1e-200, 1e200):
+        walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, length)))
+        assert unit_normal((3.0 * length, 4.0 * length), (False, False)) == pytest.approx([0.6, 0.8], rel=1e-14)
     with pytest.raises(lsm.InputError, match=r"wall 'a': velocity = .*, must be 2 finite numbers"):
         walls(lsm.PlaneWall("a", (0.0, 0.0), (0.0, 1.0), 3.0))
     for given, words in (
@@ -377,6 +380,22 @@ def test_servos_that_make_no_sense_are_refused(discs):
         discs.walls.set_servo("floor", SERVO)
     with pytest.raises(lsm.InputError, match=r"WallServo.inertia = 1.0: must be 4000.0 kg as at the start"):
         discs.walls.set_servo("lid", replace(SERVO, inertia=1.0))
+
+
+def test_a_servo_too_light_for_the_step_is_refused_early(discs):
+    """M >= K dt^2: before anything is compiled, at another step, and for a servo that is changed."""
+    light = [*BOX[:3], replace(BOX[3], servo=replace(SERVO, inertia=0.9))]
+    least = r"WallServo.inertia = 0.9: must be >= stiffness dt\^2 = 1 kg, for the wall oscillates .* lower the step"
+    with pytest.raises(lsm.InputError, match=least):
+        box_of_discs(light, dt=1e-4).chosen_dt()
+    with pytest.raises(lsm.InputError, match=r"WallServo.inertia = 1e-06: must be >= stiffness dt\^2"):
+        box_of_discs([*BOX[:3], replace(BOX[3], servo=replace(SERVO, inertia=1e-6))]).chosen_dt()
+    settings(discs, PRESSED)
+    with pytest.raises(lsm.InputError, match=r"WallServo.inertia = 4000.0: must be >= stiffness dt\^2 = 1e\+06 kg"):
+        discs.set_time_step(0.1)
+    scenes.reload(discs, 1e-4)
+    with pytest.raises(lsm.InputError, match=r"WallServo.inertia = 4000.0: must be >= stiffness dt\^2 = 10000 kg"):
+        discs.walls.set_servo("lid", replace(SERVO, stiffness=1e12))
 
 
 def test_a_grain_that_goes_through_a_wall_stops_the_run(discs):
