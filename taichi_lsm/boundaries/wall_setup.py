@@ -78,8 +78,7 @@ def check_walls(scene: Any) -> None:
             raise InputError(
                 f"wall {wall.name!r}: rigid = True, but no effect has a modulus: must be False, or list Hertz"
             )
-        normal = np.asarray(wall.normal, float)
-        if not np.linalg.norm(normal) > 0.0:
+        if not np.any(np.asarray(wall.normal, float)):
             raise InputError(f"wall {wall.name!r}: normal = {wall.normal!r}, must not be zero")
         normal = unit_normal(wall.normal, scene.periodic)
         for axis in np.flatnonzero(scene.periodic):
@@ -100,7 +99,10 @@ def unit_normal(normal: Any, periodic: Any) -> NDArray:
 
     normal (dim,): not zero; periodic (dim,): whether the cell repeats along each axis.
     """
-    unit = np.asarray(normal, float) / np.linalg.norm(normal)
+    unit = np.asarray(normal, float)
+    # By a power of 2, which rounds nothing: squares of very long or short ones would be infinite or zero.
+    unit = np.ldexp(unit, -np.frexp(np.abs(unit).max())[1])
+    unit = unit / np.linalg.norm(unit)
     unit[np.asarray(periodic, bool) & (np.abs(unit) <= ROUNDING)] = 0.0
     return unit
 
