@@ -76,7 +76,7 @@ def test_metrics_and_files_of_known_strengths(tmp_path, dim):
     assert metrics["strength"].value == pytest.approx(2e8 * 0.918, rel=0.02)  # Gamma(1 + 1/5) = 0.918
     assert metrics["strength_ratio"].value == pytest.approx(metrics["strength"].value / params.tensile_strength)
     assert 3.0 < metrics["weibull_modulus"].value < 7.0
-    assert metrics["fragments"].value == 2.0 and metrics["fracture_energy"].value == pytest.approx(0.3)
+    assert metrics["fragments"].value == 2.0 and metrics["fracture_share"].value == pytest.approx(0.3)
     assert metrics["energy_residual"].holds and metrics["energy_residual"].value == pytest.approx(1e-4)
     one = analyse(dataset.assign(strength=dataset.strength.where(dataset.strength == dataset.strength.min())), params)
     for name in ("strength", "strength_ratio", "weibull_modulus"):

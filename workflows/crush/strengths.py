@@ -100,7 +100,7 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
         "grains_split": Metric(len(failed), "1", note=f"of {len(strength)}"),
         **_mean(failed, params),
         "fragments": Metric(float(dataset.fragments.values[-1].mean()), "1", note="mean of a grain at the end"),
-        "fracture_energy": Metric(
+        "fracture_share": Metric(
             float(dataset.fracture_energy.values[-1] / dataset.work.values[-1]),
             "1",
             note="of broken bonds over the work of the platen, at the end",
