@@ -32,7 +32,8 @@ class FragmentSizes(NamedTuple):
         Number of fragments within it.
     distance
         Kolmogorov's distance [1]: greatest difference between the shares of the fragments below a size, those counted
-        and those of the law. Above 1.36/sqrt(fragments) the law does not describe the sizes.
+        and those of the law. Above 1.1/sqrt(fragments) the law does not describe the sizes: with the fitted D a true
+        law exceeds that in 5 % at most, 1.36/sqrt(fragments), the limit for a known D, in none of 200.
     """
 
     dimension: Estimate

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import xarray
 
 MOST_CURVES = 4  # snapshots whose sizes are drawn
-UNLIKELY = 1.36  # Kolmogorov's distance times the root of the number, which a true law exceeds in 5 %
+UNLIKELY = 1.1  # Kolmogorov's distance to the fitted law times the root of the number: a true law exceeds it in 5 %
 MOST_POINTS = 400  # fragments whose shapes are drawn
 
 
