@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from workflows import shear_gouge
 from workflows.gouge.fragments import fragment_metrics, size_range, write_fragments
@@ -73,10 +74,15 @@ def test_grains_that_are_all_whole_have_no_dimension_and_no_surface():
     assert metrics["surface_energy"].value is None and metrics["surface_energy"].note.endswith("none broke")
 
 
-def test_the_figure_shows_every_snapshot_but_the_first_and_the_file_is_whole(tmp_path):
-    path = tmp_path / "fragments.png"
+def test_the_figure_shows_every_snapshot_but_the_first_and_the_file_is_whole(tmp_path, monkeypatch):
+    path, drawn, save = tmp_path / "fragments.png", [], Figure.savefig
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *to, **how: [drawn.append(figure), save(figure, *to, **how)])
     plot_fragments(path, run_of(), catalogue(), size_range(PARAMS))
     assert path.stat().st_size > 10_000
+    panels = [axes for axes in drawn[0].axes if axes.get_title(loc="left")]
+    ends = [axes._left_title.get_window_extent().x1 for axes in panels]
+    space = [0.5 * drawn[0].bbox.x1, drawn[0].bbox.x1] * 2
+    assert len(ends) == 4 and all(end < most - 5 for end, most in zip(ends, space))
     write_fragments(tmp_path / "fragments.nc", catalogue(), PARAMS)
     with xr.open_dataset(tmp_path / "fragments.nc") as stored:
         assert stored.run_status == "complete" and stored.sizes["fragment"] == 460

@@ -117,7 +117,7 @@ def _draw_dimension(axes: Any, fragments: xarray.Dataset, ends: tuple[float, flo
             face = ORANGE if found.distance < UNLIKELY / np.sqrt(found.fragments) else "white"
             bar = {"yerr": found.dimension.half_width, "fmt": "o", "ms": 5, "capsize": 3}
             axes.errorbar(at, found.dimension.mean, color=ORANGE, markerfacecolor=face, **bar)
-    axes.set(xlabel=place.label, title="dimension with its 95 % interval (open: no power law), number")
+    axes.set(xlabel=place.label, title="dimension, 95 % interval (open: no power law)")
     axes.set_ylabel("fractal dimension D [1]", color=ORANGE)
     number = axes.twinx()
     number.plot(*np.transpose(count), color=BLUE, lw=1.2, ls="--")
