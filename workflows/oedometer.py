@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workflows.common.metrics import Metric
+from taichi_lsm.statistics import Estimate
+from workflows.common.metrics import Metric, metrics_of_value
 from workflows.common.reports import Progress
 from workflows.common.run_folder import Existing
 from workflows.gouge import layer_scene
-from workflows.gouge.compression import NeverYields, levels_of, two_lines, write_levels
+from workflows.gouge.compression import NeverYields, levels_of, write_levels, yield_of
 from workflows.gouge.layer_cost import layer_cost
 from workflows.gouge.layer_metrics import quality_metrics
 from workflows.gouge.layer_parameters import SPRINGS, LayerParams
@@ -106,20 +107,29 @@ def analyse(levels: xarray.Dataset, params: Params) -> dict[str, Metric]:
     }
     words = "two straight lines of the void ratio against the decimal logarithm of the stress"
     try:
-        yielding, before, after = two_lines(np.log10(stress), ratio)
+        found = yield_of(levels)
     except NeverYields as error:
         return metrics | {"yield_stress": Metric(None, "Pa", note=f"unknown: {error}")}
-    of_bonds = 10.0**yielding / (params.bond_strength * params.normal_stress)
-    return metrics | {
-        "yield_stress": Metric(10.0**yielding, "Pa", note=f"where {words} meet"),
-        **(
-            {"yield_ratio": Metric(of_bonds, "1", note="the same over the strength of bonds")}
-            if params.breakable
-            else {}
+    yields = 10.0**found.meeting.mean
+    at_yield = found.meeting._replace(mean=yields, standard_error=np.log(10.0) * yields * found.meeting.standard_error)
+    words_beyond = "fall of the void ratio per decade of the stress, beyond yield"
+    return {
+        **metrics,
+        **metrics_of_value("yield_stress", at_yield, "Pa", f"where {words} meet"),
+        **metrics_of_value(
+            "yield_ratio",
+            scaled(at_yield, 1.0 / (params.bond_strength * params.normal_stress)),
+            "1",
+            "the same over the strength of bonds",
         ),
-        "compression_index": Metric(-after, "1", note="fall of the void ratio per decade of the stress, beyond yield"),
-        "elastic_index": Metric(-before, "1", note="the same before yield"),
+        **metrics_of_value("compression_index", scaled(found.after, -1.0), "1", words_beyond),
+        **metrics_of_value("elastic_index", scaled(found.before, -1.0), "1", "the same before yield"),
     }
+
+
+def scaled(found: Estimate, factor: float) -> Estimate:
+    """The estimate of a multiple."""
+    return found._replace(mean=factor * found.mean, standard_error=abs(factor) * found.standard_error)
 
 
 def _conclude(dataset: xarray.Dataset, params: Params, out: Path) -> dict[str, Metric]:

@@ -49,12 +49,41 @@ def run_of(stresses=STRESSES, yields=7.0):
 
 def test_two_lines_meet_where_they_were_drawn():
     x = np.linspace(0.0, 2.0, 21)
-    meeting, before, after = two_lines(x, 0.7 - 0.05 * x - 0.4 * np.maximum(0.0, x - 1.23))
-    assert (meeting, before, after) == pytest.approx((1.23, -0.05, -0.45), abs=3e-3)
+    found = two_lines(x, 0.7 - 0.05 * x - 0.4 * np.maximum(0.0, x - 1.23))
+    assert [each.mean for each in found] == pytest.approx([1.23, -0.05, -0.45], abs=3e-3)
     with pytest.raises(NeverYields, match="does not fall faster"):
         two_lines(x, 0.7 - 0.05 * x)
     with pytest.raises(NeverYields, match="4 levels"):
         two_lines(x[:4], x[:4])
+    for first in (0.05, 1.95):
+        with pytest.raises(NeverYields, match="in the first or the last interval"):
+            two_lines(x, 0.7 - 0.4 * np.maximum(0.0, x - first))
+
+
+def test_errors_of_two_lines_hold_and_a_line_with_scatter_does_not_yield():
+    """Of one line half of all noisy ones seemed to yield, where the best meeting alone was asked for."""
+    rng, x = np.random.default_rng(1), np.linspace(0.0, 1.5, 13)
+    false, held = 0, np.zeros(3)
+    for _ in range(40):
+        noise = rng.normal(0.0, 0.003, 13)
+        try:
+            two_lines(x, 0.6 - 0.02 * x + noise)
+            false += 1
+        except NeverYields:
+            pass
+        found = two_lines(x, 0.6 - 0.01 * x - 0.2 * np.maximum(0.0, x - 0.8) + noise)
+        held += [abs(each.mean - true) <= each.half_width for each, true in zip(found, (0.8, -0.01, -0.21))]
+    assert false <= 2 and (held >= 34).all()
+
+
+def test_a_layer_in_which_nothing_breaks_does_not_yield():
+    """Springs alone bend the curve on a logarithmic scale: here e falls by 1.6 sigma over k."""
+    levels = levels_of(run_of())
+    levels["void_ratio"] = ("level", 0.6 - 1.6 * STRESSES / (1e3 * STRESSES[0]))
+    two_lines(np.log10(STRESSES), levels.void_ratio.values)
+    for whole in (levels.drop_vars("broken_share"), levels.assign(broken_share=0.0 * levels.broken_share)):
+        metrics = oedometer.analyse(whole, PARAMS)
+        assert metrics["yield_stress"].value is None and "no grain broke" in metrics["yield_stress"].note
 
 
 def test_levels_are_the_last_quarters_of_the_stages_and_give_the_yield_stress(tmp_path):
@@ -67,6 +96,8 @@ def test_levels_are_the_last_quarters_of_the_stages_and_give_the_yield_stress(tm
     assert metrics["yield_ratio"].value == pytest.approx(1e7 / (60.0 * PARAMS.normal_stress), rel=0.02)
     assert metrics["compression_index"].value == pytest.approx(0.2, rel=0.02)
     assert abs(metrics["elastic_index"].value) < 2e-3
+    low, high = metrics["yield_stress"].interval
+    assert low < 1e7 < high
     write_levels(tmp_path, levels, PARAMS)
     plot_oedometer(tmp_path / "compression.png", run_of(), levels)
     with xr.open_dataset(tmp_path / "compression.nc") as stored:

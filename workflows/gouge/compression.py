@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     import xarray
 
 FILE = "compression.nc"
-LEAST_LEVELS = 5  # through which two straight lines are laid
+LEAST_LEVELS = 7  # through which two straight lines are laid
 MEETINGS = 400  # stresses at which two lines may meet, which are tried
 STEEPER = 1.5  # how much steeper than the first line the second one must be
 LEAST_FALL = 0.01  # of the second line per unit of x
+ONE_LINE = 0.01  # chance by the F test, with the meeting as a free number, at which one line is taken to do as well
 COLUMNS = {  # name: (unit, meaning)
     "normal_stress": ("Pa", "normal stress on the top platen, mean of the last quarter of the level"),
     "void_ratio": ("1", "volume of voids over that of mobile grains, mean of the last quarter of the level"),
@@ -76,26 +77,66 @@ def write_levels(out: Path, levels: xarray.Dataset, params: Any) -> None:
     write_result(out / FILE, levels, params, title, summary)
 
 
-def two_lines(x: NDArray, y: NDArray) -> tuple[float, float, float]:
-    """Where two straight lines through points meet, and their slopes: (x of the meeting, first slope, second slope).
+class TwoLines(NamedTuple):
+    """Two straight lines that meet at an x: the meeting, and the slopes before and after it, with their errors."""
 
-    y = y_0 + a (x - x_0) + (b - a) max(0, x - x_0), by least squares for each of many x_0; the best of them is taken.
+    meeting: lsm.statistics.Estimate
+    before: lsm.statistics.Estimate
+    after: lsm.statistics.Estimate
+
+
+def yield_of(levels: xarray.Dataset) -> TwoLines:
+    """The two lines of the void ratio against the decimal logarithm of the normal stress [Pa].
 
     Raises
     ------
     NeverYields
-        For fewer than 5 points, and if the second line falls by less than 0.01 per unit, or is less than 1.5 times as
-        steep as the first.
+        As `two_lines`, and for layers in which no bond broke: contacts that are pressed together also bend the curve.
     """
-    if len(x) < LEAST_LEVELS:
-        raise NeverYields(f"{len(x)} levels with the consolidation, at least {LEAST_LEVELS} are needed")
-    inner = np.sort(x)[1:-1]
-    fits = []
-    for meeting in np.linspace(inner[0], inner[-1], MEETINGS):
-        design = np.stack([np.ones_like(x), np.minimum(x - meeting, 0.0), np.maximum(x - meeting, 0.0)], axis=1)
-        coefficients = np.linalg.lstsq(design, y)[0]
-        fits.append((float(np.sum((design @ coefficients - y) ** 2)), meeting, coefficients))
-    _, meeting, (_, before, after) = min(fits, key=lambda fit: fit[0])
-    if not after < min(-LEAST_FALL, STEEPER * before):
-        raise NeverYields("the void ratio does not fall faster from some stress on: raise --stress-ratio")
-    return float(meeting), float(before), float(after)
+    broken = levels.broken_share.values if "broken_share" in levels else np.zeros(1)
+    if not broken[-1] > broken[0]:
+        raise NeverYields("no grain broke in the levels: raise --stress-ratio, or lower --bond-strength of --breakable")
+    return two_lines(np.log10(levels.normal_stress.values), levels.void_ratio.values)
+
+
+def two_lines(x: NDArray, y: NDArray) -> TwoLines:
+    """Where two straight lines through points meet, and their slopes.
+
+    y = y_0 + a min(0, x - x_0) + b max(0, x - x_0), by least squares for each of many x_0; the best of them is taken.
+    Errors are those of least squares in all four, with the scatter about the lines and n - 4 degrees of freedom.
+
+    Raises
+    ------
+    NeverYields
+        For fewer than 7 points; if one line does as well, by the F test; if the lines meet within the first or the
+        last interval; and if the second falls by less than 0.01 per unit, or less than 1.5 times as steeply as the
+        first.
+    """
+    from scipy.stats import f
+
+    def fitted(meeting: float) -> tuple[float, NDArray, NDArray]:
+        below, beyond = np.minimum(x - meeting, 0.0), np.maximum(x - meeting, 0.0)
+        design = np.stack([np.ones(n), below, beyond], axis=1)
+        found = np.linalg.lstsq(design, y)[0]
+        return float(np.sum((design @ found - y) ** 2)), found, design
+
+    n, inner = len(x), np.sort(x)[1:-1]
+    if n < LEAST_LEVELS:
+        raise NeverYields(f"{n} levels with the consolidation, at least {LEAST_LEVELS} are needed")
+    tried = np.linspace(inner[0], inner[-1], MEETINGS)
+    meeting = float(min(tried, key=lambda trial: fitted(trial)[0]))
+    scatter, found, design = fitted(meeting)
+    _, before, after = found
+    straight = float(np.sum((np.polyval(np.polyfit(x, y, 1), x) - y) ** 2))
+    one_line = straight - scatter < scatter * 3.0 / (n - 4) * f.isf(ONE_LINE, 3, n - 4)
+    if one_line or not after < min(-LEAST_FALL, STEEPER * before):
+        raise NeverYields("the void ratio does not fall faster from some stress on: raise --stress-ratio or --levels")
+    if not inner[0] < meeting < inner[-1]:
+        raise NeverYields("it bends in the first or the last interval: change --normal-stress or --stress-ratio")
+    # One step of Gauss and Newton in all four moves the meeting from the best trial to where the scatter is least.
+    jacobian = np.column_stack([design, np.where(x < meeting, -before, -after)])
+    meeting += float(np.linalg.lstsq(jacobian, y - design @ found)[0][3])
+    scatter, (_, before, after), _ = fitted(meeting)
+    errors = np.sqrt(scatter / (n - 4) * np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    values = zip((meeting, before, after), errors[[3, 1, 2]], strict=True)
+    return TwoLines(*(lsm.statistics.Estimate(float(v), float(e), n, n - 4.0) for v, e in values))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflows.gouge.compression import NeverYields, two_lines
+from workflows.gouge.compression import NeverYields, yield_of
 from workflows.plots.canvas import BLUE, ORANGE, figure_at
 from workflows.plots.run_titles import title_of
 
@@ -33,10 +33,10 @@ def _draw_void_ratio(axes: Any, levels: xarray.Dataset) -> None:
     axes.semilogx(stress, ratio, "o-", ms=4, lw=0.8, color=BLUE)
     axes.set(xlabel="normal stress [MPa]", ylabel="void ratio [1]", title="(a) compression")
     try:
-        meeting, before, after = two_lines(np.log10(stress), ratio)
+        meeting, before, after = (found.mean for found in yield_of(levels))
     except NeverYields:
         return
-    x = np.log10(stress)
+    x, meeting = np.log10(stress), meeting - 6.0  # of MPa
     shape = before * np.minimum(x - meeting, 0.0) + after * np.maximum(x - meeting, 0.0)
     level = float(np.mean(ratio - shape))
     ends = np.array([x[0], meeting, x[-1]])
