@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.special import gamma
 
 import taichi_lsm as lsm
 from workflows import crush_grain
@@ -46,9 +47,25 @@ def test_a_grain_fails_when_it_splits_at_the_greatest_force_until_then():
 def test_the_weibull_modulus_of_drawn_strengths_is_found_as_often_as_its_interval_says():
     rng, hits = np.random.default_rng(0), 0
     for _ in range(300):
-        found = weibull_of(5.0 * rng.weibull(4.0, 30))
+        found = weibull_of(5.0 * rng.weibull(4.0, 30)).modulus
         hits += abs(found.mean - 4.0) <= found.half_width
     assert 0.91 < hits / 300 < 0.985
+
+
+def test_grains_that_did_not_split_are_a_part_of_the_law():
+    """40 grains, pressed to a stress at which about half of them split: without the others m is 7 and the mean 4."""
+    rng, held, sets = np.random.default_rng(1), np.zeros(2), 150
+    for _ in range(sets):
+        s = 5.0 * rng.weibull(4.0, 40)
+        found = weibull_of(s[s < 4.6], np.full(np.count_nonzero(s >= 4.6), 4.6))
+        true = (4.0, 5.0 * gamma(1.25))
+        held += [abs(each.mean - value) <= each.half_width for each, value in zip(found[:2], true)]
+    assert (held > 0.9 * sets).all()
+
+
+def test_few_or_equal_strengths_have_no_modulus():
+    """Of three equal ones it was 1.5 million."""
+    assert weibull_of(np.array([3.0, 4.0, 5.0, 6.0])) is None and weibull_of(np.full(6, 1e8)) is None
 
 
 def rows_of(params, grains=12):
@@ -84,6 +101,13 @@ def test_metrics_and_files_of_known_strengths(tmp_path, dim):
     plot_crushing(tmp_path / "crush.png", dataset, params)
     assert (tmp_path / "crush.png").stat().st_size > 10_000
     assert float(dataset.compression[-1]) == pytest.approx(params.compression)
+    half = write_crushing(tmp_path, {n: c[:70] for n, c in rows_of(params).items()}, params, 1e-9)
+    metrics = analyse(half, params)
+    assert metrics["grains_split"].value == 6 and "6 grains that did not split" in metrics["strength"].note
+    assert metrics["strength"].value == pytest.approx(2e8 * 0.918, rel=0.15)
+    plot_crushing(tmp_path / "half.png", half, params)
+    metrics = analyse(write_crushing(tmp_path, {n: c[:30] for n, c in rows_of(params).items()}, params, 1e-9), params)
+    assert metrics["strength"].value is None and "split, at least 5 of" in metrics["strength"].note
 
 
 def test_soft_bonds_are_refused():

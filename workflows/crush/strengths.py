@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FILE = "crush.nc"
 SPLIT = 0.8  # of the mass of a grain: once its largest fragment has less, it has split; before, corners came off
+LEAST_SPLIT = 5  # grains of which the Weibull modulus is told
 CLOSED = 1e-3  # claimed of the energy residual over the work of the platen
 ROWS = {  # of a row: unit, meaning
     "work": ("J", "work of the upper platen"),
@@ -57,18 +58,58 @@ def strengths_of(force: NDArray, largest_share: NDArray) -> tuple[NDArray, NDArr
     return np.where(row >= 0, most[row, grains], np.nan), peak
 
 
-def weibull_of(strengths: NDArray) -> lsm.statistics.Estimate:
-    """Weibull modulus m of strengths (n,) by maximum likelihood, P(s) = 1 - exp(-(s/s_0)^m), with its error.
+class Weibull(NamedTuple):
+    """Weibull's law of strengths, P(s) = 1 - exp(-(s/s_0)^m): modulus m [1] and mean [Pa] with errors, and s_0 [Pa]."""
 
-    m solves 1/m = sum s^m ln s/sum s^m - <ln s>; its error is m sqrt(6)/(pi sqrt(n)) for large n, and m is too large
-    by about 1.4 m/n, which is taken off (Thoman, Bain & Antle 1969, Technometrics 11, 445).
+    modulus: lsm.statistics.Estimate
+    mean: lsm.statistics.Estimate
+    scale: float
+
+
+def weibull_of(strengths: NDArray, borne: NDArray | None = None) -> Weibull | None:
+    """Weibull's law by maximum likelihood; None for fewer than 5 strengths, or if all are equal.
+
+    Parameters
+    ----------
+    strengths
+        Of the n grains that split (n,) [Pa].
+    borne
+        What the others bore without (k,) [Pa]; they are at least as strong.
+
+    Notes
+    -----
+    With z = (s/s_0)^m and L = ln(s/s_0) of all n + k, m solves 1/m = sum z L/sum z - <ln(s/s_0)> of those that split,
+    and sum z = n. The errors are those of the observed information of (ln s_0, m), [[m^2 n, -m sum z L], [., n/m^2 +
+    sum z L^2]]. m is too large by about 1.4 m/n, which is taken off (Thoman, Bain & Antle 1969, Technometrics 11, 445).
     """
-    from scipy.stats import weibull_min
+    from scipy.special import digamma, gamma
+    from scipy.stats import CensoredData, weibull_min
 
-    n = len(strengths)
-    fitted: Any = weibull_min.fit(strengths, floc=0.0)
-    m = float(fitted[0]) / (1.0 + 1.4 / n)
-    return lsm.statistics.Estimate(m, m * float(np.sqrt(6.0 / n) / np.pi), n, n - 1.0)
+    n, unit = len(strengths), float(np.mean(strengths)) if len(strengths) else 1.0
+    if n < LEAST_SPLIT or np.ptp(strengths) < 1e-9 * unit:
+        return None
+    rest = np.zeros(0) if borne is None else borne / unit
+    fitted: Any = weibull_min.fit(CensoredData(uncensored=strengths / unit, right=rest), floc=0.0)
+    m, scale = float(fitted[0]), float(fitted[2])
+    log = np.log(np.concatenate([strengths / unit, rest]) / scale)
+    z = np.exp(m * log)
+    cross = -m * float(z @ log)
+    covariance = np.linalg.inv([[m**2 * n, cross], [cross, n / m**2 + float(z @ log**2)]])
+    slope = np.array([1.0, -float(digamma(1.0 + 1.0 / m)) / m**2])  # of the logarithm of the mean
+    mean = unit * scale * float(gamma(1.0 + 1.0 / m))
+    less = 1.0 / (1.0 + 1.4 / n)
+    return Weibull(
+        lsm.statistics.Estimate(m * less, float(np.sqrt(covariance[1, 1])) * less, n, n - 1.0),
+        lsm.statistics.Estimate(mean, mean * float(np.sqrt(slope @ covariance @ slope)), n, n - 1.0),
+        unit * scale,
+    )
+
+
+def split_and_borne(dataset: xarray.Dataset, params: Params) -> tuple[NDArray, NDArray]:
+    """Strengths [Pa] of the grains that split, and the greatest stress [Pa] that each other one bore until the end."""
+    strength, most = dataset.strength.values, dataset.force.values.max(axis=0) / section_of(params)
+    split = np.isfinite(strength)
+    return strength[split], most[~split]
 
 
 def write_crushing(out: Path, columns: dict[str, NDArray], params: Params, dt: float) -> xarray.Dataset:
@@ -94,11 +135,10 @@ def write_crushing(out: Path, columns: dict[str, NDArray], params: Params, dt: f
 
 def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     """Metrics of crushed grains, in docs/breakable-grains.md."""
-    strength = dataset.strength.values
-    failed = strength[np.isfinite(strength)]
+    failed, borne = split_and_borne(dataset, params)
     metrics = {
-        "grains_split": Metric(len(failed), "1", note=f"of {len(strength)}"),
-        **_mean(failed, params),
+        "grains_split": Metric(len(failed), "1", note=f"of {len(failed) + len(borne)}"),
+        **_strengths(failed, borne, params),
         "fragments": Metric(float(dataset.fragments.values[-1].mean()), "1", note="mean of a grain at the end"),
         "fracture_share": Metric(
             float(dataset.fracture_energy.values[-1] / dataset.work.values[-1]),
@@ -112,19 +152,27 @@ def analyse(dataset: xarray.Dataset, params: Params) -> dict[str, Metric]:
     return metrics | {"energy_residual": Metric(closed, "1", CLOSED, closed < CLOSED, note=note, remedy=remedy)}
 
 
-def _mean(failed: NDArray, params: Params) -> dict[str, Metric]:
+def _strengths(failed: NDArray, borne: NDArray, params: Params) -> dict[str, Metric]:
     """Mean strength, also over that of the bonds, and the Weibull modulus, with their errors."""
-    n = len(failed)
-    if n < 2:
-        few = f"unknown: {n} split, at least 2 are needed: raise --grains or --compression"
+    n, law = len(failed), weibull_of(failed, borne)
+    few = f"unknown: {n} split, at least {{}} are needed: raise --grains or --compression"
+    if n < 2 or (len(borne) and law is None):
+        few = few.format(2 if n < 2 else f"{LEAST_SPLIT} of unequal strengths, or all,")
         units = {"strength": "Pa", "strength_ratio": "1", "weibull_modulus": "1"}
         return {name: Metric(None, unit, note=few) for name, unit in units.items()}
     found = lsm.statistics.Estimate(float(failed.mean()), float(failed.std(ddof=1) / np.sqrt(n)), n, n - 1.0)
+    words = "mean of the grains"
+    if len(borne) and law:  # the mean of those that split would be that of the weaker ones
+        found, words = law.mean, f"mean of Weibull's law, of which {len(borne)} grains that did not split are a part"
     ratio = found._replace(
         mean=found.mean / params.tensile_strength, standard_error=found.standard_error / params.tensile_strength
     )
     return {
-        **metrics_of_value("strength", found, "Pa", "mean of the grains that split"),
+        **metrics_of_value("strength", found, "Pa", words),
         **metrics_of_value("strength_ratio", ratio, "1", "the same over the tensile strength of the bonds"),
-        **metrics_of_value("weibull_modulus", weibull_of(failed), "1", "of the strengths of the grains"),
+        **(
+            metrics_of_value("weibull_modulus", law.modulus, "1", "of the strengths of the grains")
+            if law
+            else {"weibull_modulus": Metric(None, "1", note=few.format(f"{LEAST_SPLIT} of unequal strengths"))}
+        ),
     }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflows.crush.strengths import section_of, weibull_of
+from workflows.crush.strengths import section_of, split_and_borne, weibull_of
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def plot_crushing(path: Path, dataset: xarray.Dataset, params: Params) -> None:
     with figure_at(path, (11, 7.2)) as figure:
         panels = figure.subplot_mosaic("ab;cd")
         _draw_forces(panels["a"], dataset, p)
-        _draw_strengths(panels["b"], dataset)
+        _draw_strengths(panels["b"], dataset, p)
         _draw_fragments(panels["c"], dataset)
         _draw_energies(panels["d"], dataset)
         for letter, axes in panels.items():
@@ -56,21 +56,24 @@ def _draw_forces(axes: Any, dataset: xarray.Dataset, params: Params) -> None:
     axes.set_title("force on some grains, o: strength")
 
 
-def _draw_strengths(axes: Any, dataset: xarray.Dataset) -> None:
-    """Share of the grains that split up to a stress, on scales on which Weibull's law is a straight line."""
-    s = np.sort(dataset.strength.values[np.isfinite(dataset.strength.values)]) / 1e6
+def _draw_strengths(axes: Any, dataset: xarray.Dataset, params: Params) -> None:
+    """Share of all grains that split up to a stress, on scales on which Weibull's law is a straight line."""
+    split, borne = split_and_borne(dataset, params)
+    s = np.sort(split) / 1e6
     axes.set(xlabel="strength of a grain [MPa]", ylabel="ln(1/(1 - share split)) [1]", title="strengths")
     if s.size < 2:
         axes.text(0.5, 0.5, "fewer than two grains split", ha="center", transform=axes.transAxes)
         return
-    share = (np.arange(s.size) + 0.5) / s.size
+    share = (np.arange(s.size) + 0.5) / (s.size + borne.size)
     axes.loglog(s, -np.log1p(-share), "o", ms=4, color=BLUE)
-    found = weibull_of(s)
-    m, scale = found.mean, np.mean(s**found.mean) ** (1.0 / found.mean)
-    x = np.geomspace(0.9 * s[0], 1.1 * s[-1], 50)
-    axes.loglog(x, (x / scale) ** m, color=ORANGE, lw=1.5, label=f"m = {m:.2g} ± {found.standard_error:.2g}")
     axes.xaxis.set_minor_formatter("{x:.3g}")
     axes.xaxis.set_major_formatter("{x:.3g}")
+    law = weibull_of(split, borne)
+    if law is None:
+        return
+    m, x = law.modulus.mean, np.geomspace(0.9 * s[0], 1.1 * s[-1], 50)
+    label = f"m = {m:.2g} ± {law.modulus.standard_error:.2g}"
+    axes.loglog(x, (1e6 * x / law.scale) ** m, color=ORANGE, lw=1.5, label=label)
     axes.legend(loc="upper left")
 
 
