@@ -11,6 +11,8 @@ from ..core.rotation import torque_of
 from ..core.runtime import ti
 from .base import Bodies, Effect, finite, require
 
+LEAST_MODULUS = 0.1  # of Weibull: below, strengths scatter over more decades than numbers have
+
 
 @ti.func
 def bond_axis(e_k, e_l):
@@ -111,7 +113,7 @@ class ElasticBrittleBond(Effect):
     radius_ratio
         Radius R of a bond over the mean radius of its grains [1] > 0, unless `Scene.bond_area` gives its section.
     weibull_modulus
-        m [1] > 0 of the scatter of strengths from bond to bond; inf: all of one section are equally strong.
+        m [1] >= 0.1 of the scatter of strengths from bond to bond; inf: all of one section are equally strong.
     weibull_seed
         Random seed of that scatter, a whole number >= 0.
 
@@ -169,7 +171,8 @@ class ElasticBrittleBond(Effect):
         ratio, angle = self.poissons_ratio, self.friction_angle
         require(finite(ratio) and -1.0 < ratio <= 0.5, self, "poissons_ratio", ratio, "above -1 and at most 0.5")
         modulus, seed = self.weibull_modulus, self.weibull_seed
-        require(modulus == np.inf or (finite(modulus) and modulus > 0.0), self, "weibull_modulus", modulus, "> 0")
+        scatters = modulus == np.inf or (finite(modulus) and modulus >= LEAST_MODULUS)
+        require(scatters, self, "weibull_modulus", modulus, f">= {LEAST_MODULUS:g}")
         whole = isinstance(seed, int | np.integer) and not isinstance(seed, bool) and seed >= 0
         require(whole, self, "weibull_seed", seed, "a whole number >= 0")
         require(finite(angle) and 0.0 < angle < 0.5 * np.pi, self, "friction_angle", angle, "between 0 and pi/2 rad")

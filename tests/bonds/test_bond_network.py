@@ -123,6 +123,7 @@ def test_forces_and_torques_are_the_gradient_of_the_energy(dim, size):
         ({"friction_angle": 2.0}, "friction_angle"),
         ({"radius_ratio": np.inf}, "radius_ratio"),
         ({"weibull_modulus": 0.0}, "weibull_modulus"),
+        ({"weibull_modulus": 5e-3}, "weibull_modulus"),
         ({"weibull_seed": 1.5}, "weibull_seed"),
     ],
 )
