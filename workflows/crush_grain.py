@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from taichi_lsm.shapes import Aggregate
 
 BASE, RAM = 0, 1  # walls: the lower platen, and the upper one that comes down
-PITCH = 3.0  # distance of two grains, in their heights: fragments of one meet no other
+PITCH = 3.0  # distance of two grains, in their heights, without the flight of their fragments
 STEP = 0.7  # time step of pieces over that of the cubes that stand in, for the estimate
 SIMULATION = 30.0  # [s] to make grains and to compile
 TANGENTIAL_RATIO = 0.5
@@ -68,7 +68,9 @@ class Params(BaseParams):
     compression: float = Field(
         default=0.03, ge=1e-3, le=0.3, description="way of the platen to the end, in heights of a grain [1]"
     )
-    rows: int = Field(default=400, ge=50, le=100_000, description="rows of crush.nc [1]")
+    rows: int = Field(
+        default=400, ge=50, le=100_000, description="rows of crush.nc, of which each has a step at least [1]"
+    )
     step_safety: float = Field(default=0.4, ge=1e-3, le=0.8, description="time step over the largest stable one [1]")
 
     presets: ClassVar[dict[str, dict]] = {
@@ -158,7 +160,8 @@ def build(params: Params, progress: Progress | None = None) -> lsm.Scene:
     size = p.height / np.array([width for _, width in upright])
     up = np.array([normal for normal, _ in upright])
     below = np.array([grain.support(-normal[None])[0] for grain, normal in zip(grains, up, strict=True)])
-    place = PITCH * p.height * _lattice(p.grains, p.dim)
+    # No fragment reaches another grain, also if that sends one towards it.
+    place = (PITCH + 2.0 * flight_of(p)) * p.height * _lattice(p.grains, p.dim)
     place[:, 1] = size * below
     kind = np.arange(p.grains)
     pieces = placed_pieces(grains, kind, size, _turned_up(up), place)
@@ -222,18 +225,32 @@ def _lattice(count: int, dim: int) -> NDArray:
     return place
 
 
+def steps_of_rows(params: Params, dt: float) -> list[int]:
+    """Time steps of dt [s] from row to row, together those in which the platen goes its way; at least one for a row."""
+    steps = max(1, round(params.compression * params.height / (velocity_of(params) * dt)))
+    return np.diff(np.linspace(0, steps, min(params.rows, steps) + 1).round().astype(int)).tolist()
+
+
+def flight_of(params: Params) -> float:
+    """How far a fragment may fly while the platen goes its way, over the height of a grain [1].
+
+    At most at the speed at which the strain energy of its grain, strength^2/(2 E) per volume, would all be its own.
+    """
+    strain = params.tensile_strength / params.youngs_modulus
+    return strain * params.compression / params.speed
+
+
 def press(params: Params, sim: lsm.Simulation, progress: Progress | None = None) -> dict[str, NDArray]:
     """Bring the upper platen down; columns of crush.nc, one row for each place of it where they are measured."""
     p, rows = params, []
-    every = max(1, round(p.compression * p.height / (velocity_of(p) * sim.dt * p.rows)))
-    begin = lsm.energies(sim).balance
+    begin, every = lsm.energies(sim).balance, steps_of_rows(p, sim.dt)
     with signals.held() as pending:
-        for k in range(p.rows):
-            sim.run(every)
+        for k, steps in enumerate(every):
+            sim.run(steps)
             rows.append({"time": sim.time, **_of_grains(p, sim), **_of_energies(sim, begin)})
             if progress:
                 broken = int(np.sum(rows[-1]["fragments"] > 1))
-                progress({"stage": f"pressing, {broken} grains broken", "done": k + 1, "total": p.rows})
+                progress({"stage": f"pressing, {broken} grains broken", "done": k + 1, "total": len(every)})
             if pending.signum is not None:
                 pending.deliver()
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}

@@ -79,7 +79,8 @@ def rows_of(params, grains=12):
         force[at[g] :, g] = 0.1 * strength[g]
         fragments[at[g] :, g] = 2
     work = 1e-6 * np.arange(1.0, rows + 1)
-    columns = {"time": 1e-7 * np.arange(1.0, rows + 1), "force": force, "fragments": fragments, "work": work}
+    time = params.compression * params.height / crush_grain.velocity_of(params) * np.arange(1.0, rows + 1) / rows
+    columns = {"time": time, "force": force, "fragments": fragments, "work": work}
     columns |= {"largest_share": 1.0 / fragments, "elastic_energy": 0.2 * work, "kinetic_energy": 0.0 * work}
     return columns | {"dissipated_energy": 0.8 * work, "fracture_energy": 0.3 * work, "energy_residual": 1e-4 * work}
 
@@ -102,12 +103,32 @@ def test_metrics_and_files_of_known_strengths(tmp_path, dim):
     assert (tmp_path / "crush.png").stat().st_size > 10_000
     assert float(dataset.compression[-1]) == pytest.approx(params.compression)
     half = write_crushing(tmp_path, {n: c[:70] for n, c in rows_of(params).items()}, params, 1e-9)
+    assert float(half.compression[-1]) == pytest.approx(0.35 * params.compression)
     metrics = analyse(half, params)
     assert metrics["grains_split"].value == 6 and "6 grains that did not split" in metrics["strength"].note
     assert metrics["strength"].value == pytest.approx(2e8 * 0.918, rel=0.15)
     plot_crushing(tmp_path / "half.png", half, params)
     metrics = analyse(write_crushing(tmp_path, {n: c[:30] for n, c in rows_of(params).items()}, params, 1e-9), params)
     assert metrics["strength"].value is None and "split, at least 5 of" in metrics["strength"].note
+
+
+@pytest.mark.parametrize(("steps", "rows"), [(3.0, 3), (70.4, 50), (1000.0, 50)])
+def test_the_platen_goes_its_way_whatever_the_number_of_rows(steps, rows):
+    """A row had one number of steps: of 70 in 50 rows one, so that the platen went 0.7 of its way."""
+    params = crush_grain.Params(rows=50)
+    dt = params.compression * params.height / crush_grain.velocity_of(params) / steps
+    every = crush_grain.steps_of_rows(params, dt)
+    assert len(every) == rows and min(every) >= 1 and sum(every) == round(steps)
+
+
+def test_fragments_cannot_reach_another_grain():
+    """Slow and long pressing lets them fly far: here at up to sqrt(strength^2/(E density)) for a tenth of a millisecond."""
+    params = crush_grain.Params(grains=2, pieces=3, compression=0.1)
+    speed = params.tensile_strength / np.sqrt(params.youngs_modulus * params.density)
+    far = speed * params.compression * params.height / crush_grain.velocity_of(params)
+    scene = crush_grain.build(params)
+    gap = scene.position[3:, 0].min() - scene.position[:3, 0].max() - params.height
+    assert far > 6.0 * params.height and gap > 2.0 * far
 
 
 def test_soft_bonds_are_refused():

@@ -116,7 +116,7 @@ def write_crushing(out: Path, columns: dict[str, NDArray], params: Params, dt: f
     """Write crush.nc and return it; columns: rows as `crush_grain.press` gives them, dt: time step [s]."""
     import xarray
 
-    along = columns["time"] / columns["time"][-1] * params.compression
+    along = columns["time"] * params.speed * np.sqrt(params.youngs_modulus / params.density) / params.height
     strength, peak = strengths_of(columns["force"], columns["largest_share"])
     data = {n: ("row", columns[n], {"units": u, "long_name": w}) for n, (u, w) in ROWS.items()}
     data |= {n: (("row", "grain"), columns[n], {"units": u, "long_name": w}) for n, (u, w) in OF_GRAINS.items()}
