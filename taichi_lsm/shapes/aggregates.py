@@ -6,17 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
 from .base import Balls, counted
-from .input_checks import Seed, check_at_least, check_corner_radius
+from .input_checks import Seed, check_at_least, check_corner_radius, random_generator
 from .voronoi_grains import fitted_grain
 from .voronoi_tiles import voronoi_tiles
 
 TILES = 4  # tiles of the plane per piece that is taken from it
+DRAWS = 8  # of tiles until the pieces are joined
 LEAST_SIDE = 0.1  # length of a side that counts as shared, in diameters of a piece
 
 
@@ -103,28 +108,37 @@ def angular_aggregate(pieces: int, seed: Seed, corner_radius: float, arcs_per_co
     Raises
     ------
     InputError
-        For numbers out of range and for tiles too small for the corner radius.
+        For numbers out of range, for tiles too small for the corner radius, and if no tiles of 8 draws are joined.
     """
     check_at_least("pieces", pieces, 2)
     check_corner_radius(corner_radius)
-    count = max(16, TILES * pieces)
-    length = float(np.sqrt(count * np.pi / 4.0))  # an average tile has equivalent diameter 1
-    tiles = voronoi_tiles(count, length, seed)
-    middle = np.array([tile.mean(axis=0) for tile in tiles])
-    nearest = np.argsort(np.linalg.norm(middle - 0.5 * length, axis=1), kind="stable")[:pieces]
-    tiles = [tiles[i] for i in nearest]
+    tiles, pairs, sides = _joined_tiles(pieces, random_generator(seed))
     fitted = [fitted_grain(tile, corner_radius, arcs_per_corner) for tile in tiles]
     shapes, places, diameters = (list(column) for column in zip(*fitted))
     position, diameter = np.array(places), np.array(diameters)
     mass = diameter**2
     position -= mass @ position / mass.sum()
     size = float(np.sqrt(mass.sum()))
-    shared = {(i, j): _shared(tiles[i], tiles[j]) for i in range(pieces) for j in range(i)}
-    pairs = np.array([pair for pair, side in shared.items() if side > LEAST_SIDE])
-    sides = np.array([side for side in shared.values() if side > LEAST_SIDE])
     reach = (np.linalg.norm(position, axis=1) + diameter * [s.bounding_radius for s in shapes]).max()
     angle = np.zeros(pieces)  # tiles are fitted as they lie
     return Aggregate(shapes, position / size, diameter / size, angle, pairs, sides / size, float(reach / size))
+
+
+def _joined_tiles(pieces: int, rng: Generator) -> tuple[list[NDArray], NDArray, NDArray]:
+    """Tiles about one point that their shared sides join, the pairs (p, 2) that share one, and its lengths (p,)."""
+    count = max(16, TILES * pieces)
+    length = float(np.sqrt(count * np.pi / 4.0))  # an average tile has equivalent diameter 1
+    for _ in range(DRAWS):
+        tiles = voronoi_tiles(count, length, rng)
+        middle = np.array([tile.mean(axis=0) for tile in tiles])
+        nearest = np.argsort(np.linalg.norm(middle - 0.5 * length, axis=1), kind="stable")[:pieces]
+        tiles = [tiles[i] for i in nearest]
+        shared = {(i, j): _shared(tiles[i], tiles[j]) for i in range(pieces) for j in range(i)}
+        shared = {pair: side for pair, side in shared.items() if side > LEAST_SIDE}
+        ends = np.array(list(shared)).reshape(-1, 2)
+        if connected_components(coo_array((np.ones(len(ends)), ends.T), (pieces, pieces)), directed=False)[0] == 1:
+            return tiles, ends, np.array(list(shared.values()))
+    raise InputError(f"pieces = {pieces}: no tiles of {DRAWS} draws are joined by their sides; take another seed")
 
 
 def _shared(a: NDArray, b: NDArray) -> float:

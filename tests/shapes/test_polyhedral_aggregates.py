@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from taichi_lsm.core.errors import InputError
-from taichi_lsm.shapes import polyhedral_aggregate, polyhedral_aggregates
+from taichi_lsm.shapes import angular_aggregate, polyhedral_aggregate, polyhedral_aggregates
 from taichi_lsm.shapes.geometry import polyhedron_integrals
 from taichi_lsm.shapes.polyhedra import corners_of
 from taichi_lsm.shapes.polyhedral_aggregates import _tile, cut_grain, shared_area, whole_grain
@@ -25,6 +25,11 @@ def tiles():
     rng = np.random.default_rng(SEED)
     planes = whole_grain(rng)
     return planes, cut_grain(planes, PIECES, rng)
+
+
+def test_pieces_in_2d_are_joined_too():
+    """Seed 40 draws two tiles that share no side at first: the grain was two."""
+    assert angular_aggregate(2, 40, CORNER).pairs.tolist() == [[1, 0]]
 
 
 def test_volume_centre_and_moments_of_a_brick():
