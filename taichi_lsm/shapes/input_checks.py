@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 
+FLATTEST_FACES = 1e4  # radius of a face over the size of the body; at 3e4 some bodies are a per cent off
+
 Seed = int | Sequence[int] | SeedSequence | BitGenerator | Generator
 
 
@@ -45,6 +47,12 @@ def check_positive(field: str, value: float) -> None:
     """Refuse a number that is infinite or not above 0."""
     if not (np.isfinite(value) and value > 0):
         raise InputError(f"{field} = {value}: must be finite and > 0")
+
+
+def check_flatness(flatness: float | None) -> None:
+    """Refuse faces so flat that the balls of a polyhedron are no longer found to rounding; None is a choice of ours."""
+    if flatness is not None and not 0 < flatness <= FLATTEST_FACES:
+        raise InputError(f"flatness = {flatness}: must be finite and > 0, at most {FLATTEST_FACES:g}")
 
 
 def check_corner_radius(corner_radius: float, most: float = 0.5) -> None:

@@ -23,6 +23,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 MOST_ARCS = 1000  # of a corner
 LEAST_TURN = 1e-6  # rad: a corner that turns by less joins its two sides into one
+LEAST_HALF_WIDTH = 1e-6  # [rad]; at 1e-7 grains are up to 2 % off, at 1e-8 anything may come out
 SIDE_HALF_WIDTH = float(np.radians(3.0))  # by how much a side turns to either side of its normal
 LARGEST_RADIUS = 10.0  # of an arc, in equivalent diameters, unless long sides need more
 SPANNING_RADIUS = 11.65  # likewise: sides that need more than this get it
@@ -264,9 +265,9 @@ def _arcs_within(
 
 
 def check_side_half_width(side_half_width: float) -> None:
-    """Refuse a half-width of the arcs of sides [rad] that is not between 0 and pi/2."""
-    if not 0 < side_half_width < 0.5 * np.pi:
-        raise InputError(f"side_half_width = {side_half_width}: must be above 0 and below pi/2 rad")
+    """Refuse a half-width of the arcs of sides [rad] that is not below pi/2, or so small that rounding bends sides."""
+    if not LEAST_HALF_WIDTH <= side_half_width < 0.5 * np.pi:
+        raise InputError(f"side_half_width = {side_half_width}: must be >= {LEAST_HALF_WIDTH:g} and below pi/2 rad")
 
 
 def _check_fit(

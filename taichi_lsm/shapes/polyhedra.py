@@ -11,7 +11,7 @@ from .ball_polyhedron import BallPolyhedron
 from .corner_radius import radius_for_corner
 from .dilated_balls import ball_polyhedron_and_frame, corner_of_balls, tangent_ball_polyhedron
 from .geometry import deepest_point, even_directions, polygon_integrals
-from .input_checks import check_at_least, check_between, check_positive, number_array
+from .input_checks import check_at_least, check_between, check_flatness, check_positive, number_array
 
 FLATNESS = 5.0  # default radius of faces that should be flat, in sizes of the body
 ON_PLANE = 1e-7  # of the size: the library that finds the corners merges planes that nearly meet in one
@@ -81,8 +81,7 @@ def from_planes_and_frame(
     n, h = number_array("normals", normals), number_array("distances", distances)
     if n.ndim != 2 or n.shape[1] != 3 or h.shape != n.shape[:1] or len(n) < 4:
         raise InputError(f"normals and distances have shapes {n.shape}, {h.shape}: must be (n, 3), (n,), n >= 4")
-    if flatness is not None:
-        check_positive("flatness", flatness)
+    check_flatness(flatness)
     middle, inscribed = deepest_point(n, h)
     if not 0 < corner_radius < inscribed:
         raise InputError(
@@ -283,8 +282,7 @@ def rounded_polyhedron(
     n: NDArray, h: NDArray, corner_radius: float, name: str, flatness: float | None = None
 ) -> BallPolyhedron:
     """`from_planes` whose dilation is corner_radius in units of its own equivalent diameter, to CORNER_TOLERANCE."""
-    if flatness is not None:
-        check_positive("flatness", flatness)
+    check_flatness(flatness)
     middle, inscribed = deepest_point(n, h)
 
     def balls(asked: float) -> tuple[NDArray, NDArray]:

@@ -18,7 +18,7 @@ from .input_checks import (
     Seed,
     check_cells,
     check_fewest_and_most,
-    check_positive,
+    check_flatness,
     random_generator,
 )
 from .polyhedra import FLATNESS, rounded_polyhedron
@@ -74,6 +74,7 @@ def random_polyhedra(
     that leaves the others their place), but never less than the inverse of flatness times the size of the ellipsoid.
     Directions of the faces are even over the sphere, moved by up to a quarter of their distance and rotated at random.
     """
+    check_flatness(flatness)
     check_request(count, elongation, angularity, corner_radius, flatness)
     check_fewest_and_most("faces", faces, 6)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, 0.0, -1.0])
@@ -136,8 +137,7 @@ def random_angular_polyhedra(
         If a parameter is out of range or no cell meets the request.
     """
     check_cells(count, corner_radius, "faces", faces, 4, max_aspect)
-    if flatness is not None:
-        check_positive("flatness", flatness)
+    check_flatness(flatness)
     shapes: list[BallPolyhedron] = []
     batch = barren = 0
     while len(shapes) < count:

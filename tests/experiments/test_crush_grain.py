@@ -122,7 +122,7 @@ def test_the_platen_goes_its_way_whatever_the_number_of_rows(steps, rows):
 
 
 def test_fragments_cannot_reach_another_grain():
-    """Slow and long pressing lets them fly far: here at up to sqrt(strength^2/(E density)) for a tenth of a millisecond."""
+    """Slow and long pressing lets them fly far: at up to sqrt(strength^2/(E density))."""
     params = crush_grain.Params(grains=2, pieces=3, compression=0.1)
     speed = params.tensile_strength / np.sqrt(params.youngs_modulus * params.density)
     far = speed * params.compression * params.height / crush_grain.velocity_of(params)

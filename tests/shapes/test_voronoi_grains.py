@@ -58,8 +58,9 @@ def test_sides_are_as_flat_as_asked(shapes):
         assert a.overlap_limit == pytest.approx(0.05, abs=1e-9)
     assert regular_polygon(3, side_half_width=np.radians(0.3)).overlap_limit == pytest.approx(0.05, abs=1e-9)
     for make in (random_angular_shapes, regular_polygon):
-        with pytest.raises(InputError, match=r"side_half_width = 0.0: must be above 0"):
-            make(5, 0.05 if make is regular_polygon else 1, side_half_width=0.0)
+        with pytest.raises(InputError, match=r"side_half_width = 1e-08: must be >= 1e-06 and below pi/2"):
+            make(5, 0.05 if make is regular_polygon else 1, side_half_width=1e-8)
+    assert regular_polygon(5, side_half_width=1e-6).bounding_radius == pytest.approx(0.5633859, abs=1e-6)
 
 
 def test_deterministic_and_independent_of_the_count(shapes):
