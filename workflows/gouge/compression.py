@@ -124,7 +124,7 @@ def two_lines(x: NDArray, y: NDArray) -> TwoLines:
     if n < LEAST_LEVELS:
         raise NeverYields(f"{n} levels with the consolidation, at least {LEAST_LEVELS} are needed")
     tried = np.linspace(inner[0], inner[-1], MEETINGS)
-    meeting = float(min(tried, key=lambda trial: fitted(trial)[0]))
+    meeting = min(tried.tolist(), key=lambda trial: fitted(trial)[0])
     scatter, found, design = fitted(meeting)
     _, before, after = found
     straight = float(np.sum((np.polyval(np.polyfit(x, y, 1), x) - y) ** 2))
