@@ -49,10 +49,11 @@ def check_positive(field: str, value: float) -> None:
         raise InputError(f"{field} = {value}: must be finite and > 0")
 
 
-def check_flatness(flatness: float | None) -> None:
+def check_flatness(flatness: float | None, most: float = FLATTEST_FACES) -> None:
     """Refuse faces so flat that the balls of a polyhedron are no longer found to rounding; None is a choice of ours."""
-    if flatness is not None and not 0 < flatness <= FLATTEST_FACES:
-        raise InputError(f"flatness = {flatness}: must be finite and > 0, at most {FLATTEST_FACES:g}")
+    if flatness is not None and not (np.isfinite(flatness) and 0 < flatness <= most):
+        above = f", at most {most:g}" if np.isfinite(most) else ""
+        raise InputError(f"flatness = {flatness}: must be finite and > 0{above}")
 
 
 def check_corner_radius(corner_radius: float, most: float = 0.5) -> None:

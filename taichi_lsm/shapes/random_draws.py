@@ -5,25 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
+import numpy as np
 from numpy.random import Generator
 
 from ..core.errors import InputError
 from .base import GrainShape
 from .dilated_balls import SLACK
-from .input_checks import check_at_least, check_between, check_corner_radius, check_positive, random_generator
+from .input_checks import check_at_least, check_between, check_corner_radius, check_flatness, random_generator
 
 TRIES = 20  # draws of one grain
 
 Shape = TypeVar("Shape", bound=GrainShape)
 
 
-def check_request(count: int, elongation: float, angularity: float, corner_radius: float, flatness: float) -> None:
+def check_request(
+    count: int, elongation: float, angularity: float, corner_radius: float, flatness: float, flattest: float = np.inf
+) -> None:
     """Refuse numbers out of the ranges that `random_polygons` and `random_polyhedra` state."""
     check_at_least("count", count, 0)
     check_between("elongation", elongation, 1, 4)
     check_between("angularity", angularity, 0, 1)
     check_corner_radius(corner_radius)
-    check_positive("flatness", flatness)
+    check_flatness(flatness, flattest)
 
 
 def slack_of(angularity: float) -> float:

@@ -15,6 +15,7 @@ from .corner_radius import radius_for_corner
 from .dilated_balls import ball_polyhedron, corner_of_balls, tangent_balls
 from .geometry import even_directions
 from .input_checks import (
+    FLATTEST_FACES,
     Seed,
     check_cells,
     check_fewest_and_most,
@@ -74,8 +75,7 @@ def random_polyhedra(
     that leaves the others their place), but never less than the inverse of flatness times the size of the ellipsoid.
     Directions of the faces are even over the sphere, moved by up to a quarter of their distance and rotated at random.
     """
-    check_flatness(flatness)
-    check_request(count, elongation, angularity, corner_radius, flatness)
+    check_request(count, elongation, angularity, corner_radius, flatness, FLATTEST_FACES)
     check_fewest_and_most("faces", faces, 6)
     axes = 0.5 * np.sqrt(elongation) ** np.array([1.0, 0.0, -1.0])
 
