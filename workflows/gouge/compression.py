@@ -93,9 +93,10 @@ def yield_of(levels: xarray.Dataset) -> TwoLines:
     NeverYields
         As `two_lines`, and for layers in which no bond broke: contacts that are pressed together also bend the curve.
     """
-    broken = levels.broken_share.values if "broken_share" in levels else np.zeros(1)
-    if not broken[-1] > broken[0]:
-        raise NeverYields("no grain broke in the levels: raise --stress-ratio, or lower --bond-strength of --breakable")
+    if "broken_share" not in levels:
+        raise NeverYields("grains that are not --breakable do not yield")
+    if not levels.broken_share.values[-1] > levels.broken_share.values[0]:
+        raise NeverYields("no bond broke in the levels: raise --stress-ratio, or lower --bond-strength")
     return two_lines(np.log10(levels.normal_stress.values), levels.void_ratio.values)
 
 
