@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+import taichi_lsm as lsm
 from workflows.common.run_table import write_result
 from workflows.protocol.stage_tables import RESERVED
 
