@@ -26,6 +26,7 @@ from workflows.cli import inspect_run
 from workflows.cli.calibrate import calibrate_command
 from workflows.cli.execution import complain, problems_of
 from workflows.cli.export import export
+from workflows.cli.init import init_command
 from workflows.cli.options import options_of, workflow_command
 from workflows.cli.resume import resume
 from workflows.cli.sensitivity import sensitivity_command
@@ -189,6 +190,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
     studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
+    studies |= {"init": init_command(found)}
     for name, command in (studies | {"export": export, "resume": resume_run, "info": info}).items():
         app.command(command, name=name, group=others_group)
     return app

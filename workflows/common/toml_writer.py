@@ -29,24 +29,41 @@ def to_toml(params: Params, experiment: str = "") -> str:
         value = values[name]
         comment = [f"# {' '.join(field.description.split())}"] if field.description else []
         if name in idle:
-            plain.append("\n".join([*comment, f"# {name} = {_value(value)}  # no effect {idle[name]}"]))
-        elif _is_table(value):
-            tables.append("\n".join(["", *comment, f"[{name}]", *_pairs(value)]))
-        elif isinstance(value, list) and value and all(map(_is_table, value)):
-            blocks = ["\n".join([f"[[{name}]]", *_pairs(table)]) for table in value]
+            plain.append("\n".join([*comment, f"# {name} = {toml_value(value)}  # no effect {idle[name]}"]))
+        elif blocks := table_blocks(name, value):
             tables.append("\n".join(["", *comment, "\n\n".join(blocks)]))
         else:
-            plain.append("\n".join([*comment, f"{name} = {_value(value)}"]))
+            plain.append("\n".join([*comment, f"{name} = {toml_value(value)}"]))
     return "\n".join(plain + tables) + "\n"
 
 
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict)
+def table_blocks(name: str, value: Any) -> list[str]:
+    """A table as a block [name], those of a list each as a block [[name]]; [] for any other value."""
+    if isinstance(value, dict):
+        return ["\n".join([f"[{name}]", *_pairs(value)])]
+    if isinstance(value, list) and all(isinstance(item, dict) for item in value):
+        return ["\n".join([f"[[{name}]]", *_pairs(table)]) for table in value]
+    return []
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML has it, on one line; None is the text "none"."""
+    if value is None:
+        return '"none"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(_pairs(value)) + "}"
+    return repr(value)
 
 
 def _pairs(table: dict) -> list[str]:
     # A key without a value is left out of a nested table: there None is always the default.
-    return [f"{_key(k)} = {_value(v)}" for k, v in table.items() if v is not None]
+    return [f"{_key(k)} = {toml_value(v)}" for k, v in table.items() if v is not None]
 
 
 def _key(key: str) -> str:
@@ -56,17 +73,3 @@ def _key(key: str) -> str:
 def _text(text: str) -> str:
     # A JSON string is a TOML basic string, but for DEL, which TOML wants escaped.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _value(value: Any) -> str:
-    if value is None:
-        return '"none"'
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, list):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(_pairs(value)) + "}"
-    return repr(value)
