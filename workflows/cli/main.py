@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import (
     App,
@@ -24,6 +24,7 @@ from cyclopts import (
 from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
 from workflows.cli.calibrate import calibrate_command
+from workflows.cli.doctor import doctor
 from workflows.cli.execution import complain, problems_of
 from workflows.cli.export import export
 from workflows.cli.init import init_command
@@ -76,7 +77,8 @@ def _main(argv: list[str]) -> int:
             return COMPLETE
         if argv[:1] == ["resume"] and argv[1:] and argv[1].startswith("-") and argv[1] not in ("--help", "-h"):
             return complain([f"{argv[1]}: the folder of the run comes first, as in: lsm resume DIR {argv[1]} ..."])
-        found = find_workflows()
+        if argv[:1] != ["doctor"]:  # which tells itself what is wrong with them
+            found = find_workflows()
         app = build_app(found)
         command, bound, _ = app.parse_args(argv, exit_on_error=False, print_error=False)
     except DiscoveryError as error:
@@ -128,8 +130,11 @@ def version_text() -> str:
     return f"taichi-lsm {version}\nTaichi {of('taichi') or 'not installed'}\nPython {platform.python_version()}"
 
 
-def build_app(found: dict[str, ModuleType]) -> App:
-    """The cyclopts App with one command per workflow, `list` and `info`."""
+def build_app(found: dict[str, ModuleType], to_complete: bool = False) -> App:
+    """The cyclopts App with one command per workflow and those of results and lists.
+
+    to_complete: its options of workflows have the types by which a shell completes them; it is not to be called.
+    """
     app = App(
         name="lsm",
         help="Discrete-element simulation of sheared fault gouge with real grain shapes.",
@@ -142,7 +147,7 @@ def build_app(found: dict[str, ModuleType]) -> App:
     workflows_group = Group("Workflows", sort_key=1)
     others_group = Group("Results and lists", sort_key=2)
     for name, module in found.items():
-        app.command(workflow_command(name, module), name=name, group=workflows_group)
+        app.command(workflow_command(name, module, to_complete), name=name, group=workflows_group)
 
     def list_names(
         *,
@@ -186,11 +191,19 @@ def build_app(found: dict[str, ModuleType]) -> App:
         except InputError as error:
             return complain(problems_of(error))
 
+    def completion(shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(name="SHELL")], /) -> int:
+        """Print a script by which a shell completes commands, options and their choices.
+
+        For bash: lsm completion bash > ~/.local/share/bash-completion/completions/lsm
+        """
+        print(build_app(found, to_complete=True).generate_completion(shell=shell))
+        return COMPLETE
+
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
     studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
-    studies |= {"init": init_command(found)}
+    studies |= {"init": init_command(found), "doctor": doctor, "completion": completion}
     for name, command in (studies | {"export": export, "resume": resume_run, "info": info}).items():
         app.command(command, name=name, group=others_group)
     return app

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 from pydantic.fields import FieldInfo
 
 from workflows.cli.execution import execute
 from workflows.common.discovery import DiscoveryError
-from workflows.common.parameter_types import allowed, choices_in_words, kind, limits, metavar
+from workflows.common.parameter_types import allowed, choices, choices_in_words, kind, limits, metavar
 from workflows.common.parameters import DEFAULT_PRESET, Params, option_name
 
 # cyclopts itself has groups called Commands, Parameters and Arguments; the names must differ from those.
@@ -20,6 +21,7 @@ PHYSICS = Group("Experiment", sort_key=1)
 MACHINE = Group("Computation", sort_key=2)
 FILES = Group("Files and display", sort_key=3)
 FLAG: dict[str, Any] = {"negative": ()}
+PATHS = ("config", "out")  # options that are files or folders
 RESERVED: dict[str, tuple[type, str, dict[str, Any]]] = {  # type, help and form of the options of every experiment
     "preset": (str, "starting values; one of {presets}", {"metavar": "NAME"}),
     "config": (
@@ -40,27 +42,41 @@ RESERVED: dict[str, tuple[type, str, dict[str, Any]]] = {  # type, help and form
 }
 
 
-def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
+def workflow_command(name: str, module: ModuleType, to_complete: bool = False) -> Callable[..., int]:
     """A function that runs the workflow, with one keyword-only parameter per option.
 
-    Every option but a flag is taken as text, so that pydantic checks all of them together.
+    Every option but a flag is taken as text, so that pydantic checks all of them together. to_complete: with the types
+    by which a shell completes them instead, choices, paths and flags; it is not to be called.
     """
     params_class: type[Params] = module.Params
     default_values = {
         **{f: d.default for f, d in params_class.model_fields.items() if not d.is_required()},
         **params_class.presets.get(DEFAULT_PRESET, {}),
     }
-    presets = ", ".join({**params_class.presets, DEFAULT_PRESET: {}})
+    presets = {**params_class.presets, DEFAULT_PRESET: {}}
 
     def parameter(key: str, annotation: Any, group: Group, text: str, default: str | None = None, **more):
         spec = Parameter(name=option_name(key), group=group, help=text, show_default=default or False, **more)
-        return inspect.Parameter(
-            key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[annotation | None, spec]
-        )
+        taken = annotation if to_complete else annotation | None
+        return inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[taken, spec])
+
+    def completed(key: str, annotation: Any) -> Any:
+        """The type of an option that is text."""
+        names = [*presets] if key == "preset" else choices(annotation)
+        if not to_complete or not (names or key in PATHS):
+            return str
+        return Path if key in PATHS else Literal[tuple(names)]
 
     shown = {"preset": DEFAULT_PRESET, "out": f"out/{name}"}
     listed = [
-        parameter(key, annotation, FILES, text.format(presets=presets), shown.get(key), **more)
+        parameter(
+            key,
+            completed(key, annotation) if annotation is str else annotation,
+            FILES,
+            text.format(presets=", ".join(presets)),
+            shown.get(key),
+            **more,
+        )
         for key, (annotation, text, more) in RESERVED.items()
     ]
     only_toml = []
@@ -75,7 +91,7 @@ def workflow_command(name: str, module: ModuleType) -> Callable[..., int]:
         listed.append(
             parameter(
                 key,
-                bool if how == "flag" else str,
+                bool if how == "flag" else completed(key, field.annotation),
                 group,
                 option_help(field),
                 _shown(default_values.get(key)),
