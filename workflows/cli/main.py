@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import (
     App,
@@ -24,6 +24,7 @@ from cyclopts import (
 from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
 from workflows.cli.calibrate import calibrate_command
+from workflows.cli.completion import completion_command
 from workflows.cli.doctor import doctor
 from workflows.cli.execution import complain, problems_of
 from workflows.cli.export import export
@@ -161,13 +162,6 @@ def build_app(found: dict[str, ModuleType], to_complete: bool = False) -> App:
         """List the workflows and the effects."""
         return _listed(found, effects, presets)
 
-    def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
-        """Show status, metrics and files of the run in a folder."""
-        try:
-            return inspect_run.print_info(folder)
-        except inspect_run.NoRunError as error:
-            return complain([str(error)])
-
     def resume_run(
         folder: Annotated[Path, Parameter(name="DIR", help="folder of a run that was stopped, or of a complete one")],
         /,
@@ -191,22 +185,23 @@ def build_app(found: dict[str, ModuleType], to_complete: bool = False) -> App:
         except InputError as error:
             return complain(problems_of(error))
 
-    def completion(shell: Annotated[Literal["bash", "zsh", "fish"], Parameter(name="SHELL")], /) -> int:
-        """Print a script by which a shell completes commands, options and their choices.
-
-        For bash: lsm completion bash > ~/.local/share/bash-completion/completions/lsm
-        """
-        print(build_app(found, to_complete=True).generate_completion(shell=shell))
-        return COMPLETE
-
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
     studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
-    studies |= {"init": init_command(found), "doctor": doctor, "completion": completion}
+    studies |= {"init": init_command(found), "doctor": doctor}
+    studies["completion"] = completion_command(lambda: build_app(found, to_complete=True))
     for name, command in (studies | {"export": export, "resume": resume_run, "info": info}).items():
         app.command(command, name=name, group=others_group)
     return app
+
+
+def info(folder: Annotated[Path, Parameter(name="DIR", help="folder of a run")], /) -> int:
+    """Show status, metrics and files of the run in a folder."""
+    try:
+        return inspect_run.print_info(folder)
+    except inspect_run.NoRunError as error:
+        return complain([str(error)])
 
 
 def _listed(found: dict[str, ModuleType], effects: bool, presets: bool) -> int:

@@ -53,31 +53,17 @@ def workflow_command(name: str, module: ModuleType, to_complete: bool = False) -
         **{f: d.default for f, d in params_class.model_fields.items() if not d.is_required()},
         **params_class.presets.get(DEFAULT_PRESET, {}),
     }
-    presets = {**params_class.presets, DEFAULT_PRESET: {}}
+    presets = list({**params_class.presets, DEFAULT_PRESET: {}})
 
-    def parameter(key: str, annotation: Any, group: Group, text: str, default: str | None = None, **more):
+    def parameter(key: str, annotation: Any, group: Group, text: str, names: list[str], default: str | None, **more):
         spec = Parameter(name=option_name(key), group=group, help=text, show_default=default or False, **more)
-        taken = annotation if to_complete else annotation | None
+        taken = _completed(key, annotation, names) if to_complete else annotation | None
         return inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[taken, spec])
-
-    def completed(key: str, annotation: Any) -> Any:
-        """The type of an option that is text."""
-        names = [*presets] if key == "preset" else choices(annotation)
-        if not to_complete or not (names or key in PATHS):
-            return str
-        return Path if key in PATHS else Literal[tuple(names)]
 
     shown = {"preset": DEFAULT_PRESET, "out": f"out/{name}"}
     listed = [
-        parameter(
-            key,
-            completed(key, annotation) if annotation is str else annotation,
-            FILES,
-            text.format(presets=", ".join(presets)),
-            shown.get(key),
-            **more,
-        )
-        for key, (annotation, text, more) in RESERVED.items()
+        parameter(key, type_, FILES, text.format(presets=", ".join(presets)), presets, shown.get(key), **more)
+        for key, (type_, text, more) in RESERVED.items()
     ]
     only_toml = []
     for key, field in params_class.model_fields.items():
@@ -91,9 +77,10 @@ def workflow_command(name: str, module: ModuleType, to_complete: bool = False) -
         listed.append(
             parameter(
                 key,
-                bool if how == "flag" else completed(key, field.annotation),
+                bool if how == "flag" else str,
                 group,
                 option_help(field),
+                choices(field.annotation),
                 _shown(default_values.get(key)),
                 metavar=metavar(field.annotation),
             )
@@ -111,6 +98,15 @@ def workflow_command(name: str, module: ModuleType, to_complete: bool = False) -
     command.__signature__ = inspect.Signature(listed, return_annotation=int)
     command.__annotations__ = {p.name: p.annotation for p in listed} | {"return": int}
     return command
+
+
+def _completed(key: str, annotation: Any, names: list[str]) -> Any:
+    """The type of an option by which a shell completes it: a path, a choice of these names, or what it is."""
+    if annotation is not str:
+        return annotation
+    if key in PATHS:
+        return Path
+    return Literal[tuple(names)] if names else str
 
 
 def options_of(module: ModuleType) -> set[str]:
