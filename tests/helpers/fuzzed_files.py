@@ -32,6 +32,7 @@ from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameter_files import experiment_of
 from workflows.common.parameters import merge, to_toml
 from workflows.protocol.finished_parts import FinishedParts
+from workflows.report.page import write_report
 
 MEMORY = 2**30  # bytes that a reader may take
 HANGS = 60.0  # s on the clock after which a reader counts as hanging
@@ -180,6 +181,11 @@ def read_info(path):
     inspect_run.print_info(path.parent)
 
 
+def write_page(path):
+    """The page of a folder with the file."""
+    write_report(path.parent, *inspect_run.require_run(path.parent), path.parent / "report.html")
+
+
 def read_mesh(path):
     """A grain from the mesh."""
     lsm.shapes.from_mesh(path, faces=6, hull=True)
@@ -199,12 +205,26 @@ READERS = {
     "part": (part_file, read_part),
     "summary": (summary_file, read_info),
     "info": (functools.partial(of_run, "run.nc"), read_info),
+    "page": (functools.partial(of_run, "run.nc"), write_page),
+    "page of a summary": (summary_file, write_page),
     "stl": (functools.partial(mesh_file, "stl"), read_mesh),
     "stl ascii": (functools.partial(mesh_file, "stl"), read_mesh),
     "ply": (functools.partial(mesh_file, "ply"), read_mesh),
     "obj": (functools.partial(mesh_file, "obj"), read_mesh),
 }
-NETCDF = ("checkpoint", "shapes", "run", "grains", "table", "runs", "kept run", "kept grains", "run as config", "info")
+NETCDF = (
+    "checkpoint",
+    "shapes",
+    "run",
+    "grains",
+    "table",
+    "runs",
+    "kept run",
+    "kept grains",
+    "run as config",
+    "info",
+    "page",
+)
 GOOD = {}  # kind: path of a good file
 SIMULATION = []  # of a child that reads checkpoints
 

@@ -9,20 +9,17 @@ from types import ModuleType
 from typing import Any, cast
 
 import taichi_lsm as lsm
-from taichi_lsm.core.errors import InputError, reason
+from taichi_lsm.core.errors import InputError
 from workflows.cli.effect_shapes import shapes_text
 from workflows.cli.how_far import how_far
 from workflows.common.metrics import FILE, failed_claims, print_summary
 from workflows.common.parameter_files import CONFIG
-from workflows.common.parameter_problems import as_written
 from workflows.common.parameters import merge, nearest
-from workflows.common.run_folder import has_results, is_complete
+from workflows.common.run_contents import attributes_of, contents_of, state_of
+from workflows.report.figures import pictures_in
 
-UNKNOWN = "unknown: no file of the whole run is there"
-UNFINISHED = ("running", "interrupted", UNKNOWN)
 ATTRIBUTES = ("title", "run_status", "source", "date_created", "seed", "dt")
 
-UNREADABLE = (OSError, RuntimeError, ValueError, AttributeError)  # what opening or reading a damaged file raises
 FORMER_KEY = "figures"  # of summary.json, in place of "metrics"
 
 
@@ -94,30 +91,40 @@ def print_presets(workflows: dict[str, ModuleType]) -> int:
 
 
 def print_info(folder: Path) -> int:
-    """Print status and attributes of a run, its metrics, its files with their dimensions, and the runs it consists of.
+    """Print status and attributes of a run, its metrics, files with their dimensions, figures, and the runs within it.
 
     Only the files of the folder itself are opened, and one of each run in its folder `runs`.
     """
     files, runs = require_run(folder)
-    attributes = _attributes(folder)
-    for name, value in attributes.items():
+    for name, value in attributes_of(folder, ATTRIBUTES).items():
         print(f"{name}: {value}")
-    holder = next(filter(None, map(lsm.holder_of, (folder, *runs))), None)
-    goes_on = (attributes.get("run_status") in UNFINISHED or has_results(folder)) and not is_complete(folder)
-    if holder:
-        print(f"in use: {holder} writes to it")
-    elif goes_on and (folder / CONFIG).is_file():
-        missing = attributes.get("run_status") == "complete" and not (folder / FILE).is_file()
-        state = "all rows are there, its summary is missing" if missing else "no process writes to it any more"
-        print(f"stopped: {state}; to go on with it: lsm resume {folder}")
-    if goes_on and (far := how_far(folder)):
+    state = state_of(folder, runs)
+    if state.holder:
+        print(f"in use: {state.holder} writes to it")
+    elif state.stopped:
+        print(f"stopped: {state.stopped}; to go on with it: lsm resume {folder}")
+    if state.goes_on and (far := how_far(folder)):
         print(f"so far: {far}")
     if (folder / FILE).is_file():
         print()
         _print_metrics(folder / FILE)
-    _print_aligned("Files", [(path.name, _contents(path)) for path in files])
-    _print_aligned("Runs", [(f"runs/{path.name}", _attributes(path).get("run_status", "unknown")) for path in runs])
+    pictures = pictures_in(folder)
+    _print_aligned("Files", [(path.name, contents_of(path)) for path in files if path not in pictures])
+    _print_aligned("Figures", [(path.relative_to(folder).as_posix(), contents_of(path)) for path in pictures])
+    of_runs = [(path, attributes_of(path, ("run_status",)).get("run_status", "unknown")) for path in runs]
+    _print_aligned("Runs", [(f"runs/{path.name}", status) for path, status in of_runs])
+    print(f"\n{what_next(folder, files, runs)}")
     return 0
+
+
+def what_next(folder: Path, files: list[Path], runs: list[Path]) -> str:
+    """The commands that show such a run, in one line."""
+    names = {path.name for path in files}
+    shown = [f"lsm plot {folder}"] if names & {"run.nc", "grains.nc"} or runs else []
+    shown += [f"lsm sweep-plot {folder}"] if "sweep.nc" in names else []
+    shown += [f"lsm report {folder}"]
+    exported = f"; in other programs: lsm export {folder} --format vtk" if "grains.nc" in names else ""
+    return f"to see it: {', '.join(shown)}{exported}"
 
 
 def require_run(folder: Path) -> tuple[list[Path], list[Path]]:
@@ -167,42 +174,3 @@ def _print_metrics(path: Path) -> None:
                 print(line)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
         print(f"{FILE}: unreadable")
-
-
-def _attributes(folder: Path) -> dict:
-    """Attributes of run.nc, or of the first NetCDF file of the folder if there is no run.nc."""
-    for path in (folder / "run.nc", *sorted(folder.glob("[!c]*.nc")), folder / "compare.nc"):  # and no checkpoint
-        try:
-            with _open(path) as file:
-                found = {name: file.getncattr(name) for name in ATTRIBUTES if name in file.ncattrs()}
-                texts = {name: as_written(str(value)) for name, value in found.items()}
-                return {name: text for name, text in texts.items() if text != "nan"}  # a table may have no step
-        except UNREADABLE:
-            continue
-    complete = is_complete(folder)  # of an experiment without a NetCDF file of its own
-    return {"run_status": "complete" if complete else UNKNOWN}
-
-
-def _contents(path: Path) -> str:
-    """Dimensions and status of a NetCDF file, the size of any other."""
-    if path.suffix != ".nc":
-        return f"{path.stat().st_size} bytes"
-    try:
-        with _open(path) as file:
-            if "run_state" in file.ncattrs():
-                return f"checkpoint of {file.grains} grains at step {file.step}"
-            if not file.groups:
-                return _sizes(file)
-            return "; ".join(f"group {as_written(name)}: {_sizes(group)}" for name, group in file.groups.items())
-    except UNREADABLE as error:
-        return f"unreadable: {getattr(error, 'strerror', None) or reason(error)}"
-
-
-def _sizes(group: Any) -> str:
-    """Dimensions of a NetCDF file or group with their lengths, and the number of its variables."""
-    sizes = ", ".join(f"{as_written(name)} {len(dim)}" for name, dim in group.dimensions.items())
-    return f"{sizes or 'no dimensions'}, {len(group.variables)} variables"
-
-
-def _open(path: Path):
-    return lsm.opened_netcdf(path)

@@ -25,7 +25,7 @@ OfOneRun = TypeVar("OfOneRun", bound=Params)
 LEFT_BY_KILLS = re.compile(r"\.lock|\..*\.part")  # files of a process that was killed, which hold nothing
 PARTS = "parts"  # folder of the results of parts of an experiment, until it is complete
 CHECKPOINTS = ("checkpoint", "checkpoint.previous", "checkpoint.new")
-TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md")
+TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md", "report.html")
 TABLES = (
     *("run", "grains", "stopped", *CHECKPOINTS),
     *("target", "compare", "energy", "drift", "roughness", "accuracy", "hard_cases"),

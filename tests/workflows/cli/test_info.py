@@ -12,8 +12,8 @@ import pytest
 
 import taichi_lsm as lsm
 from workflows import shear_gouge
-from workflows.cli import inspect_run
 from workflows.cli.main import main
+from workflows.common import run_contents
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import to_toml
 
@@ -67,7 +67,7 @@ def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
 
 def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
     opened = []
-    monkeypatch.setattr(inspect_run, "_open", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
+    monkeypatch.setattr(run_contents, "opened", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
     for folder in ("", "runs/a", "runs/b", "runs/a/deeper", "elsewhere"):
         (tmp_path / folder).mkdir(parents=True, exist_ok=True)
         (tmp_path / folder / "run.nc").touch()
@@ -75,8 +75,26 @@ def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
     assert main(["info", str(tmp_path)]) == 0
     assert set(map(str, opened)) == {"run.nc", "runs/a/run.nc", "runs/b/run.nc"}
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-3:] == ["Runs:", "  runs/a  failed", "  runs/b  failed"]
+    assert lines[-5:-1] == ["Runs:", "  runs/a  failed", "  runs/b  failed", ""]
     assert main(["info", str(tmp_path / "runs/empty")]) == 2
+
+
+def test_info_lists_figures_and_says_what_shows_the_run(tmp_path, capsys):
+    """What lsm plot has drawn lies in plots."""
+    (tmp_path / "run.nc").write_bytes(b"")
+    (tmp_path / "plots").mkdir()
+    for name in ("run.png", "plots/energy.svg", "plots/note.txt"):
+        (tmp_path / name).write_text("12345")
+    assert main(["info", str(tmp_path)]) == 0
+    *lines, blank, last = capsys.readouterr().out.splitlines()
+    assert lines[-3:] == ["Figures:", "  run.png           5 bytes", "  plots/energy.svg  5 bytes"]
+    assert not blank and last == f"to see it: lsm plot {tmp_path}, lsm report {tmp_path}"
+    assert "run.png" not in " ".join(lines[:-3]) and "note.txt" not in " ".join(lines)
+    for name in ("grains.nc", "sweep.nc"):
+        (tmp_path / name).touch()
+    main(["info", str(tmp_path)])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert f"lsm sweep-plot {tmp_path}, " in last and last.endswith(f"lsm export {tmp_path} --format vtk")
 
 
 def closed():

@@ -94,6 +94,7 @@ def test_every_file_that_the_code_names_is_known():
     assert {f"{name}.nc" for name in CHECKPOINTS} == {checkpoints.LAST, checkpoints.PREVIOUS, checkpoints.NEW}
     named -= {"composed.nc", "fresh.nc", "{name}.json"}  # in memory; in the folder of parts
     named -= {"{i}.toml"}  # in a temporary folder
+    named -= {"{name}.toml", ".cache"}  # of a sweep or a calibration; that of kernels
     named -= {".{CONFIG}.part", "{name}.nc", "{name}.svg"}  # .config.toml.part; checkpoints, pictures
     named -= {"sweep.nc", "{run.label}.toml"}  # of a sweep, whose folder nothing overwrites; neither do these
     named -= {"sensitivity.nc", "sensitivity.svg", "posterior.nc", "calibration.svg"}

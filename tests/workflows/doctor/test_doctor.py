@@ -29,7 +29,7 @@ def quiet_trials(monkeypatch):
 def test_a_machine_that_can_make_runs(quiet_trials, capsys):
     assert main(["doctor"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    found = {line[9:28].strip(): line.split()[0] for line in lines if line[:3] in ("ok ", "mis", "pro")}
+    found = {line[9:28].strip(): line.split()[0] for line in lines if line[:8].strip() in ("ok", "missing", "problem")}
     assert {"Python", "taichi-lsm", "libraries", "cores", "memory", "kernel cache", "disk", "terminal"} <= set(found)
     assert (found["CPU"], found["GPU"], found["3D pictures"]) == ("ok", "missing", "missing")
     assert lines[-1] == "A run can be made." and all(len(line) < 120 for line in lines)
