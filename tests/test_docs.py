@@ -54,6 +54,7 @@ def test_commands_exist(page):
         if words[0] in ("...", "my-test", "--help", "--version"):
             continue
         others = {"list", "info", "resume", "sweep", "sweep-plot", "calibrate", "sensitivity", "export"}
+        others |= {"report", "init", "doctor", "completion"}
         assert words[0] in {*found, *others}, match[0]
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
         known = {"out", "config", "preset", "overwrite", "quiet", "strict", "help"}
