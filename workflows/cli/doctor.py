@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import textwrap
 from itertools import chain
 
@@ -23,8 +24,14 @@ def doctor() -> int:
     stopping = []
     for finding in chain(packages(), machine(), trials()):
         head = f"{finding.state:8} {finding.name:{NAME}} "
-        print(textwrap.fill(head + finding.text, WIDTH, subsequent_indent=" " * len(head)), flush=True)
+        _say(textwrap.fill(head + finding.text, WIDTH, subsequent_indent=" " * len(head)))
         if finding.prevents_runs:
             stopping.append(finding.name)
     print(f"\nNo run can be made: {', '.join(stopping)}." if stopping else "\nA run can be made.")
     return FAILED if stopping else COMPLETE
+
+
+def _say(text: str) -> None:
+    """Print at once; letters that the output has not, as in the names of folders, by their numbers."""
+    encoding = sys.stdout.encoding or "ascii"
+    print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)

@@ -21,6 +21,7 @@ INCH, LARGER = 96.0, 1.35  # CSS pixels; how much larger than in print a figure 
 DOTS = 130.0  # per inch, of a file that does not say
 HEAD = 2**16  # bytes of an SVG file in which its description stands
 DESCRIPTION = re.compile(r"<dc:description[^>]*>(.*?)</dc:description>", re.DOTALL)
+MATHS = re.compile(r"\$([^$]*)\$")  # a formula in a text of matplotlib
 PNG, SVG = b"\x89PNG\r\n\x1a\n", re.compile(rb"\s*(<\?xml|<!DOCTYPE svg|<svg)")
 
 
@@ -71,7 +72,8 @@ def _figure(path: Path, name: str, title: str) -> Figure:
     size, words = _of_png(path, data) if path.suffix == ".png" else (None, _of_svg(data))
     kind = "png" if path.suffix == ".png" else "svg+xml"
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
-    return Figure(name, source, words or f"Figure {path.stem.replace('_', ' ')} of: {title}", size)
+    words = MATHS.sub(r"\1", words) or f"Figure {path.stem.replace('_', ' ')} of: {title}"
+    return Figure(name, source, words, size)
 
 
 def _of_png(path: Path, data: bytes) -> tuple[tuple[int, int], str]:

@@ -47,7 +47,7 @@ def _rows(folder: Path, params: Any) -> list[tuple[str, ...]]:
         glass = (GLASS / stress) ** (2.0 / 3.0)
         rows.append(("stiffness number κ", f"{kappa:.4g}", f"{glass:.3g}", "overlaps are about a diameter over κ"))
     number = _number(folder, params, "inertial_number")
-    if number and "inertial_number" not in params.idle():
+    if number:
         real = VELOCITY / thickness * inertial_time
         faster = f"the shear is {number / real:.1g} times as fast as it would be there, relative to inertia"
         rows.append(("inertial number I", f"{number:.3g}", f"{real:.2g}", faster))
@@ -66,5 +66,6 @@ def _number(folder: Path, params: Any, name: str) -> float | None:
     """A dimensionless number as it was measured, else as it was asked for."""
     entry = (read_summary(folder) or {"metrics": {}})["metrics"].get(name)
     measured = entry.get("value") if isinstance(entry, dict) else None
-    value = getattr(params, name, None) if measured is None else measured
+    asked_for = None if name in params.idle() else getattr(params, name, None)
+    value = asked_for if measured is None else measured
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None

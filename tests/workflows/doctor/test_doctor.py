@@ -1,5 +1,6 @@
 """`lsm doctor`: what is found, what it is called, and the exit code."""
 
+import io
 import os
 import subprocess
 import sys
@@ -33,6 +34,16 @@ def test_a_machine_that_can_make_runs(quiet_trials, capsys):
     assert {"Python", "taichi-lsm", "libraries", "cores", "memory", "kernel cache", "disk", "terminal"} <= set(found)
     assert (found["CPU"], found["GPU"], found["3D pictures"]) == ("ok", "missing", "missing")
     assert lines[-1] == "A run can be made." and all(len(line) < 120 for line in lines)
+
+
+def test_an_output_that_has_not_all_letters_has_their_numbers(quiet_trials, tmp_path, monkeypatch):
+    (tmp_path / "µ").mkdir()
+    monkeypatch.chdir(tmp_path / "µ")
+    output = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", output)
+    assert main(["doctor"]) == 0
+    said = output.buffer.getvalue().decode("ascii")
+    assert f"free in {tmp_path}/\\xb5" in " ".join(said.split()) and "problem  terminal" in said
 
 
 def test_a_machine_on_which_no_step_can_be_made(quiet_trials, monkeypatch, capsys):

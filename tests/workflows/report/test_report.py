@@ -5,6 +5,7 @@ import json
 import re
 import struct
 import zlib
+from importlib import resources
 from pathlib import Path
 
 import netCDF4
@@ -27,6 +28,7 @@ from workflows.report.energy import budget_of
 
 WORKFLOWS = find_workflows()
 DOCUMENT = (Path(__file__).resolve().parents[3] / "docs" / "report.md").read_text(encoding="utf-8")
+CSS = resources.files("workflows.report").joinpath("templates", "page.css").read_text(encoding="utf-8")
 HOSTILE = "<script>alert('1')</script>\"'&<img src=x onerror=alert(2)>"
 SVG = b'<?xml version="1.0"?><svg xmlns="http://www.w3.org/2000/svg" onload="alert(3)"><script>alert(4)</script></svg>'
 
@@ -163,6 +165,31 @@ def test_what_files_say_is_escaped(tmp_path):
     text = (folder / "report.html").read_text(encoding="utf-8")
     assert "<script" not in text and "onerror=alert" not in re.sub(r"&lt;.*?&gt;", "", text)
     assert "default-src &#39;none&#39;" in text or "default-src 'none'" in text
+
+
+def test_formulas_are_words_in_what_a_figure_shows(tmp_path):
+    png(tmp_path / "run.png", "slip law: $D_c$ unknown, 5 $")
+    begin(tmp_path, shear_gouge.Params(), "shear-gouge")
+    assert page_of(tmp_path).all("img")[0]["alt"] == "slip law: D_c unknown, 5 $"
+
+
+def luminance(colour):
+    """Relative luminance of #rrggbb (WCAG 2.2)."""
+    parts = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_letters_can_be_read_on_light_and_on_dark():
+    """Contrast of at least 4.5 (WCAG 2.2, AA), of all colours of letters on all grounds that they stand on."""
+    palettes = re.findall(r":root \{(.*?)\}", CSS, re.DOTALL)
+    assert len(palettes) == 2 and "prefers-color-scheme: dark" in CSS.split(palettes[1])[0]
+    for palette in palettes:
+        colours = dict(re.findall(r"--(\w+): (#\w{6})", palette))
+        for letters in ("text", "quiet", "link", "good", "bad", "warn"):
+            for ground in ("page", "panel", *(["shade"] if letters in ("text", "bad") else [])):
+                light, dark = sorted((luminance(colours[letters]), luminance(colours[ground])), reverse=True)
+                assert (light + 0.05) / (dark + 0.05) >= 4.5, (letters, ground)
 
 
 def test_pictures_that_are_none_are_told(tmp_path):
