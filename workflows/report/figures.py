@@ -42,7 +42,8 @@ def figures(folder: Path, title: str) -> Section:
     for path in pictures_in(folder):
         name = path.relative_to(folder).as_posix()
         if path.suffix == ".pdf":
-            left.append(f"{name} (PDF, which a page does not show)")
+            if not any(path.with_suffix(kind).is_file() for kind in KINDS):
+                left.append(f"{name} (PDF, which a page does not show)")
             continue
         size = path.stat().st_size
         if size > MOST_BYTES or used + size > MOST_IN_ALL or len(section.figures) >= MOST_FIGURES:
