@@ -19,12 +19,14 @@ from tests.helpers.exported_runs import write_run
 from tests.helpers.html_pages import check_page
 from tests.helpers.sweep_tables import write_sweep_table
 from workflows import shear_gouge
+from workflows.cli.inspect_run import require_run
 from workflows.cli.main import main
 from workflows.common import run_folder
 from workflows.common.discovery import find_workflows
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import merge, to_toml
 from workflows.report.energy import budget_of
+from workflows.report.page import write_report
 
 WORKFLOWS = find_workflows()
 DOCUMENT = (Path(__file__).resolve().parents[3] / "docs" / "report.md").read_text(encoding="utf-8")
@@ -47,8 +49,8 @@ def begin(folder, params, name):
     return folder
 
 
-def page_of(folder, **files):
-    assert main(["report", str(folder), "--quiet"]) == 0
+def page_of(folder):
+    write_report(folder, *require_run(folder), folder / "report.html")
     return check_page((folder / "report.html").read_text(encoding="utf-8"))
 
 
