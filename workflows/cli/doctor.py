@@ -24,7 +24,8 @@ def doctor() -> int:
     stopping = []
     for finding in chain(packages(), machine(), trials()):
         head = f"{finding.state:8} {finding.name:{NAME}} "
-        _say(textwrap.fill(head + finding.text, WIDTH, subsequent_indent=" " * len(head)))
+        lines = textwrap.wrap(finding.text, WIDTH - len(head), break_long_words=False, break_on_hyphens=False)
+        _say(head + f"\n{' ' * len(head)}".join(lines))
         if finding.prevents_runs:
             stopping.append(finding.name)
     print(f"\nNo run can be made: {', '.join(stopping)}." if stopping else "\nA run can be made.")

@@ -33,7 +33,7 @@ def test_a_machine_that_can_make_runs(quiet_trials, capsys):
     found = {line[9:28].strip(): line.split()[0] for line in lines if line[:8].strip() in ("ok", "missing", "problem")}
     assert {"Python", "taichi-lsm", "libraries", "cores", "memory", "kernel cache", "disk", "terminal"} <= set(found)
     assert (found["CPU"], found["GPU"], found["3D pictures"]) == ("ok", "missing", "missing")
-    assert lines[-1] == "A run can be made." and all(len(line) < 120 for line in lines)
+    assert lines[-1] == "A run can be made."
 
 
 def test_an_output_that_has_not_all_letters_has_their_numbers(quiet_trials, tmp_path, monkeypatch):
