@@ -56,7 +56,7 @@ class Params(LayerParams):
             "layer_thickness": 8.0,
             "width": 4.0,
             "pieces": 4,
-            "levels": 4,
+            "levels": 7,
             "level_time": 6.0,
             "step_safety": 0.6,
         },
