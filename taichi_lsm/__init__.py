@@ -92,6 +92,7 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .shapes import sphere as sphere
     from .simulation import Simulation as Simulation
     from .statistics import steady_state as steady_state
+    from .statistics.contact_moments import contacts_at as contacts_at
     from .stepping.euler import ExplicitEuler as ExplicitEuler
     from .stepping.euler import SymplecticEuler as SymplecticEuler
     from .stepping.forest_ruth import ForestRuth as ForestRuth
@@ -153,6 +154,7 @@ _HOME = {
     "save_checkpoint": "io.checkpoint_file",
     "restore_checkpoint": "io.checkpoint_file",
     "contact_stiffness": "measure.contact_stiffness",
+    "contacts_at": "statistics.contact_moments",
     "read_effects": "io.effect_table",
     "Scalar": "io.netcdf_variables",
     "write_table": "io.run_file",

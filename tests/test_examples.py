@@ -20,7 +20,7 @@ def test_discs_roll_and_slide_down_inclined_planes_as_theory_says(runtime, tmp_p
     rolling, sliding = 2 / 3 * np.sin(np.radians(20)), np.sin(np.radians(50)) - 0.2 * np.cos(np.radians(50))
     assert [theory for _, _, theory in table] == pytest.approx([9.81 * rolling, 9.81 * sliding])
     assert [measured for _, measured, _ in table] == pytest.approx([9.81 * rolling, 9.81 * sliding], rel=2e-4)
-    run = lsm.open_run(tmp_path)
+    run = lsm.open_run(tmp_path).run
     normal, along = run.wall_normal_force.values[:, 0], run.wall_tangential_force.values[:, 0]
     weight = 2500.0 * np.pi / 4 * 0.01**3 * 9.81
     assert normal == pytest.approx(weight * np.cos(np.radians(50)), rel=1e-3)

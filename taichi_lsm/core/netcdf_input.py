@@ -51,6 +51,25 @@ def opened_netcdf(path: Path) -> "Iterator[netCDF4.Dataset]":
         yield dataset
 
 
+@contextmanager
+def opened_content(content: bytes) -> "Iterator[netCDF4.Dataset]":
+    """A file of the classic format in memory, as `opened_netcdf` opens one on the disk."""
+    import netCDF4
+
+    with netCDF4.Dataset("in memory", memory=content) as dataset:
+        dataset.set_auto_mask(False)
+        _require_moderate(dataset, len(content))
+        yield dataset
+
+
+def require_memory(size: float) -> None:
+    """ValueError if so many bytes are more than half of the memory."""
+    if size > MUCH * machine_memory():
+        raise ValueError(
+            f"it declares {size:.3g} bytes of values, must be at most half of the memory, {machine_memory():.3g}"
+        )
+
+
 def _require_whole_heaps(path: Path) -> None:
     """ValueError if the objects of a heap do not follow each other up to its end."""
     size = path.stat().st_size
@@ -83,10 +102,7 @@ def _require_moderate(dataset: "netCDF4.Dataset", size: int) -> None:
     packed = dataset.data_model.startswith("NETCDF4")
     if declared > SMALL + size * (MOST_PACKED if packed else 1):
         raise ValueError(f"it declares {declared:.3g} bytes of values and has {size}")
-    if declared > MUCH * machine_memory():
-        raise ValueError(
-            f"it declares {declared:.3g} bytes of values, must be at most half of the memory, {machine_memory():.3g}"
-        )
+    require_memory(declared)
 
 
 def _bytes_of(group: Union["netCDF4.Dataset", "netCDF4.Group"]) -> Iterator[int]:

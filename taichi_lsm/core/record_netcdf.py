@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -67,6 +67,24 @@ class RecordLayout:
         return self.start + self.count * self.size
 
 
+class RecordHead(NamedTuple):
+    """What a file holds before its records.
+
+    Parameters
+    ----------
+    layout
+        Where things lie.
+    content
+        All bytes before the records, with a count of 0: a file of its own, without any record.
+    identity
+        Device and number of the file, by which a reader tells whether another one has taken its place.
+    """
+
+    layout: RecordLayout
+    content: bytes
+    identity: tuple[int, int]
+
+
 def is_record_file(path: Path) -> bool:
     """Whether the file begins as one of this format."""
     with open(path, "rb") as file:
@@ -77,6 +95,22 @@ def read_layout(path: Path) -> RecordLayout:
     """Layout of the file `path`; ValueError if it is none of this format, or truncated before its records."""
     with open(path, "rb") as file:
         return _layout(file)
+
+
+def read_head(path: Path) -> RecordHead:
+    """What the file `path` holds before its records; ValueError as of `read_layout`."""
+    with open(path, "rb") as file:
+        layout = _layout(file)
+        file.seek(0)
+        content = bytearray(file.read(layout.start))
+        content[COUNT_AT : COUNT_AT + 4] = bytes(4)
+        return RecordHead(layout, bytes(content), identity_of(file))
+
+
+def identity_of(file: BinaryIO | io.FileIO) -> tuple[int, int]:
+    """Device and number of an open file."""
+    status = os.fstat(file.fileno())
+    return status.st_dev, status.st_ino
 
 
 def layout_of(image: memoryview | bytearray) -> RecordLayout:
@@ -241,6 +275,8 @@ class _Header:
         ends.append(self.file.tell())
         variables.sort()
         start, size = variables[0][0] if variables else max(ends), sum(v[2] for v in variables)
+        if start < max(ends):
+            raise ValueError("its header is damaged (records begin before other variables end)")
         # After the count: a writer that appends meanwhile makes the file longer before it counts.
         length = self.file.seek(0, os.SEEK_END)
         if length < max(start, *ends):

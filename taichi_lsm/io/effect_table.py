@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.schema import Variable
+from ..statistics.run_parts import part_of
 from .netcdf_variables import put_text, put_variable
 
 if TYPE_CHECKING:
@@ -70,14 +71,15 @@ def put_effects(dataset: "netCDF4.Dataset", effects: Sequence["Effect"]) -> None
     put_variable(dataset, VALUE, np.array([row.value for row in rows]), coordinates=TEXTS)
 
 
-def read_effects(dataset: "xarray.Dataset") -> list[EffectParameter]:
-    """Rows of the table of effects of one run, an open run.nc; [] if no effect acted.
+def read_effects(dataset: "xarray.Dataset | xarray.DataTree") -> list[EffectParameter]:
+    """Rows of the table of effects of one run, an open run.nc or the tree of a run; [] if no effect acted.
 
     Raises
     ------
     InputError
         If it is no dataset, such as a path, or several runs together.
     """
+    dataset = part_of(dataset, "run") if hasattr(dataset, "children") else dataset
     if not hasattr(dataset, "data_vars") or "run" in dataset.dims:
         raise InputError(
             f"read_effects: {type(dataset).__name__} of no single run, must be lsm.open_run(FOLDER/run.nc)"

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError, shown
+from ..core.errors import InputError
 from ..shapes.patch_meshes import SurfaceMesh, mesh_of
 from ..shapes.patch_outlines import outline_of
 from ..shapes.patch_surfaces import PatchSurface
+from ..statistics.run_parts import part_of, snapshot_at
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    from xarray import Dataset, DataTree
 
 COLUMNS = tuple(f"patch_{name}" for name in ("centre", "radius", "axis", "angle", "part", "edge_radius"))
 NEEDED = ("shape_index", "shape_scale", "patch_count", *COLUMNS)
@@ -26,7 +27,7 @@ class GrainOutlines:
     Parameters
     ----------
     dataset
-        A grains.nc, as `open_run` gives it.
+        A grains.nc, as `open_run` gives it, or the tree of a run.
 
     Attributes
     ----------
@@ -41,7 +42,8 @@ class GrainOutlines:
         If the dataset lacks what tells the shapes.
     """
 
-    def __init__(self, dataset: Dataset) -> None:
+    def __init__(self, dataset: Dataset | DataTree) -> None:
+        dataset = part_of(dataset, "grains")
         missing = [name for name in NEEDED if name not in dataset]
         if missing:
             raise InputError(
@@ -89,13 +91,13 @@ def rotation_matrices(snapshot: Dataset) -> NDArray | None:
     return rotation.as_matrix()[:, :dim, :dim]
 
 
-def outlines(dataset: Dataset, time: float | None = None) -> list[NDArray] | list[SurfaceMesh]:
+def outlines(dataset: Dataset | DataTree, time: float | None = None) -> list[NDArray] | list[SurfaceMesh]:
     """The true surfaces of all grains at one time, in the world frame.
 
     Parameters
     ----------
     dataset
-        A grains.nc, as `open_run` gives it, or one snapshot of it, such as `dataset.isel(time=3)`.
+        A grains.nc, as `open_run` gives it, the tree of a run, or one snapshot, such as `dataset.isel(time=3)`.
     time
         Time [s]; the nearest snapshot is taken. None: the last one.
 
@@ -119,7 +121,7 @@ def outlines(dataset: Dataset, time: float | None = None) -> list[NDArray] | lis
     shapes from one snapshot to the next.
     """
     made = GrainOutlines(dataset)
-    snapshot = _snapshot(dataset, time)
+    snapshot = snapshot_at(part_of(dataset, "grains"), time)
     placed = [
         vertices + centre
         for vertices, centre in zip(made.around_centres(snapshot), snapshot.position.values, strict=True)
@@ -128,20 +130,3 @@ def outlines(dataset: Dataset, time: float | None = None) -> list[NDArray] | lis
         return placed
     triangles = [mesh.triangles for mesh in made.shapes if isinstance(mesh, SurfaceMesh)]
     return [SurfaceMesh(x, triangles[s]) for x, s in zip(placed, snapshot.shape_index.values, strict=True)]
-
-
-def _snapshot(dataset: Dataset, time: float | None) -> Dataset:
-    """The snapshot of a dataset that is nearest to a time; InputError if there is none."""
-    if "time" not in dataset.dims:
-        return dataset
-    if not dataset.sizes["time"]:
-        raise InputError("dataset: holds no snapshot yet")
-    if time is None:
-        return dataset.isel(time=-1)
-    try:
-        wanted = float(time)
-    except (TypeError, ValueError):
-        wanted = np.nan
-    if not np.isfinite(wanted):
-        raise InputError(f"time = {shown(time)}: must be a time [s]")
-    return dataset.isel(time=int(np.argmin(np.abs(dataset.time.values - wanted))))

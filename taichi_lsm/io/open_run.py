@@ -1,52 +1,115 @@
-"""Opens the files of a run, or those of many runs together."""
+"""Opens the folder of a run as a tree, one of its files as a dataset, or the files of many runs together."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..core.errors import InputError, reason, shown
-from ..core.netcdf_input import opened_netcdf
-from ..core.record_netcdf import is_record_file, read_layout
+from ..core.netcdf_input import opened_netcdf, require_memory
+from ..core.record_netcdf import is_record_file
+from ..statistics.contact_moments import whole_moments
+from ..statistics.run_parts import part_of
+from .checkpoints import LAST, NEW, PREVIOUS
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    from xarray import Dataset, DataTree
 
 EXPECTED = "must be a NetCDF file that this package wrote, such as run.nc, grains.nc or compare.nc"
+NO_TABLES = ("stopped.nc", LAST, PREVIOUS, NEW)  # states to go on from
+LARGE = ("grains.nc", "contacts.nc")
+Opened: TypeAlias = Any  # a DataTree of a folder, a Dataset of a file: no type checker sees which the path is
 
 
-def open_run(path: str | PathLike[str]) -> "Dataset":
-    """A file of this package as an xarray.Dataset in memory: a run that goes on may rewrite it meanwhile.
+def open_run(path: str | PathLike[str]) -> Opened:
+    """The folder of a run, or of an experiment of many runs, as an xarray.DataTree; one file as an xarray.Dataset.
 
     Parameters
     ----------
     path
-        A file of a run, such as run.nc or grains.nc, or a table such as compare.nc; or the folder of a run, for run.nc.
+        Folder of a run, which may go on or have been killed; of an experiment with runs in `runs/`; or a file of this
+        package, such as run.nc, grains.nc or compare.nc.
 
     Returns
     -------
+    xarray.DataTree
+        Of a folder: a child for each file, by its name: `run`, `grains`, `contacts` and every further table that is
+        there. `tree.run.friction` is a series, `tree.grains.position` are the positions. Grains and contacts may be
+        large: their values are read whenever they are used, those of the snapshots that were there when the tree was
+        made, so that a run may go on meanwhile. Everything else is in memory. Runs below `runs/` are children of
+        `tree.runs`, each a tree of this kind: `tree["runs/angular-1"].run`.
     xarray.Dataset
-        All variables, with units and long_name; `run_status` among the attributes tells how the run ended. Rows can be
-        chosen by their stage: `dataset.sel(stage="shear")`.
+        Of a file: all variables, in memory, with units and long_name. `run_status` among the attributes tells how the
+        run ended. Rows can be chosen by their stage: `dataset.sel(stage="shear")`.
 
     Raises
     ------
     InputError
-        If the file is missing, truncated or damaged, no NetCDF file, or not written by this package.
+        If there is nothing, a folder holds no file of a run, or a file is truncated or damaged, no NetCDF file, or not
+        written by this package; with the name of the file.
+
+    See Also
+    --------
+    open_runs : the series of many runs side by side, as one dataset.
     """
-    with opened_run(path) as lazy, _readable(_file_of(path)):
-        return lazy.load()
+    path = Path(path)
+    if not path.is_dir():
+        return open_file(path)
+    tree = _tree_of(path)
+    if tree is None:
+        raise InputError(
+            f"{path}: holds no file of a run yet, must be the folder of a run or of an experiment, or a file of one"
+        )
+    return tree
+
+
+def _tree_of(folder: Path) -> "DataTree | None":
+    """The files of a folder, and the runs within it, as a tree; None if there are none."""
+    import xarray
+
+    children = {}
+    for path in sorted(folder.glob("*.nc")):
+        if path.name not in NO_TABLES and not path.name.startswith("."):
+            with _opened(path) as dataset, _readable(path):
+                if "run_status" in dataset.attrs:  # others are files of the user
+                    children[path.stem] = xarray.DataTree(dataset if _is_lazy(path) else _loaded(dataset))
+    within = {path.name: _tree_of(path) for path in sorted(folder.glob("runs/*")) if path.is_dir()}
+    if runs := {name: tree for name, tree in within.items() if tree is not None}:  # others have only begun
+        children["runs"] = xarray.DataTree(children=runs)
+    if not children:
+        return None
+    tree = xarray.DataTree(children=children)
+    tree.encoding["source"] = str(folder.absolute())
+    return tree
+
+
+def _is_lazy(path: Path) -> bool:
+    """Whether values of the file are read when they are used: of large ones that can be read so."""
+    return path.name in LARGE and is_record_file(path)
+
+
+def _loaded(dataset: "Dataset") -> "Dataset":
+    """The dataset with all values in memory; ValueError if it has not enough of it."""
+    require_memory(dataset.nbytes)
+    return dataset.load()
+
+
+def open_file(path: str | PathLike[str]) -> "Dataset":
+    """One file, as `open_run` gives it."""
+    with opened_run(path) as dataset, _readable(Path(path)):
+        return _loaded(dataset)
 
 
 @contextmanager
 def opened_run(path: str | PathLike[str]) -> "Iterator[Dataset]":
-    """As `open_run`, but values are read when they are used, within the block: for files larger than the memory.
+    """One file of a run, whose values are read when they are used, within the block: for files larger than the memory.
 
     Parameters
     ----------
     path
-        As of `open_run`. What is there now counts: a snapshot that a run appends meanwhile is not seen.
+        A file of this package, or the folder of a run, for its run.nc. What is there now counts: a snapshot that a run
+        appends meanwhile is not seen.
 
     Yields
     ------
@@ -58,24 +121,36 @@ def opened_run(path: str | PathLike[str]) -> "Iterator[Dataset]":
     InputError
         As `open_run`.
     """
+    path = _file_of(path)
+    with _opened(path) as dataset:
+        if "run_status" not in dataset.attrs:
+            raise InputError(f"{path}: has no attribute run_status, {EXPECTED}")
+        yield dataset
+
+
+@contextmanager
+def _opened(path: Path) -> "Iterator[Dataset]":
+    """A file of whatever program, whose values are read when they are used."""
     import xarray  # takes long to load
     from xarray.backends import NetCDF4DataStore
 
-    path = _file_of(path)
     if not path.is_file():
         raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}, {EXPECTED}")
     with ExitStack() as stack:
         with _readable(path):
             if is_record_file(path):
-                _require_whole(path)
-            file = stack.enter_context(opened_netcdf(path))
-            dataset = xarray.open_dataset(NetCDF4DataStore(file))
-            dataset.set_close(None)  # the file is closed here
+                from .record_arrays import record_dataset
+
+                dataset = record_dataset(path)
+            else:
+                file = stack.enter_context(opened_netcdf(path))
+                dataset = xarray.open_dataset(NetCDF4DataStore(file))
+                dataset.set_close(None)  # the file is closed here
             dataset.encoding["source"] = str(path.absolute())
             if "stage" in dataset.coords and dataset.stage.dims == ("time",):
                 dataset = dataset.set_xindex("stage")
-        if "run_status" not in dataset.attrs:
-            raise InputError(f"{path}: has no attribute run_status, {EXPECTED}")
+            if "row_size" in dataset:
+                dataset = whole_moments(dataset)
         yield dataset
 
 
@@ -90,17 +165,12 @@ def _readable(path: Path) -> Iterator[None]:
     """Turn what reading a damaged file raises into an InputError with its name."""
     try:
         yield
+    except InputError:
+        raise
     except Exception as error:  # attributes of other types are errors of any kind in xarray
         raise InputError(
             f"{path}: cannot be read ({reason(error)}), {EXPECTED}; it may be truncated or damaged"
         ) from None
-
-
-def _require_whole(path: Path) -> None:
-    """ValueError if a file of records was cut off: the library would give zeros for what is missing."""
-    layout = read_layout(path)
-    if layout.whole < layout.count:
-        raise ValueError(f"it counts {layout.count} snapshots and holds {layout.whole}")
 
 
 def open_runs(folder: str | PathLike[str] | Iterable[str | PathLike[str]]) -> "Dataset":
@@ -168,7 +238,7 @@ def _paths_of(folder: "str | PathLike[str] | Iterable[str | PathLike[str]]") -> 
 
 def _rows_of(path: Path) -> "Dataset":
     """The run in a file, see `by_row`; InputError if it lacks rows or effects."""
-    run = open_run(path)
+    run = open_file(path)
     try:
         return by_row(run)
     except Exception as error:  # of whatever is declared otherwise
@@ -184,7 +254,8 @@ def by_row(run: "Dataset") -> "Dataset":
     Parameters
     ----------
     run
-        The run.nc of one run, as `open_run` or xarray opens it; arrays of Dask stay unread, but for texts.
+        The run.nc of one run, as `open_run` or xarray opens it, or the tree of the run; arrays of Dask stay unread, but
+        for texts.
 
     Returns
     -------
@@ -196,7 +267,12 @@ def by_row(run: "Dataset") -> "Dataset":
     ValueError or KeyError
         If it lacks rows or effects.
     """
-    rows = run.drop_indexes(["time", "stage"], errors="ignore").reset_coords("time").rename_dims(time="row")
+    rows = (
+        part_of(run, "run")
+        .drop_indexes(["time", "stage"], errors="ignore")
+        .reset_coords("time")
+        .rename_dims(time="row")
+    )
     labels = {"row": range(rows.sizes["row"]), "effect": rows.effect_name.values}
     if "parameter_value" in rows:
         names = [f"{e}.{n}" for e, n in zip(rows.parameter_effect.values, rows.parameter_name.values, strict=True)]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
-from .open_run import open_run
+from .open_run import open_file
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -37,7 +37,7 @@ def open_sweep(path: str | PathLike[str]) -> "Dataset":
     path = Path(path) / "sweep.nc" if Path(path).is_dir() else Path(path)
     if not path.exists():
         raise InputError(f"{path}: no such file, {EXPECTED}")
-    table = open_run(path)
+    table = open_file(path)
     try:
         factors = [(f["dim"], list(f["names"]), int(f["size"])) for f in json.loads(table.attrs["factors"])]
         sizes = {dim: size for dim, _, size in factors}

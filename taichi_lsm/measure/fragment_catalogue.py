@@ -14,9 +14,10 @@ from ..core.errors import InputError
 from ..shapes.geometry import polygon_integrals
 from ..shapes.patch_outlines import points_of_arcs
 from ..shapes.patch_surfaces import PatchSurface
+from ..statistics.run_parts import part_of
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    from xarray import Dataset, DataTree
 
 NEEDED = ("bond_first", "bond_second", "bond_area", "bond_intact", "orientation", "shear_strain")
 ROWS = {  # name: (unit, meaning)
@@ -32,13 +33,13 @@ ROWS = {  # name: (unit, meaning)
 IN_TIME = {"time": ("s", "time of the snapshot"), "shear_strain": ("1", "shear strain at that time")}
 
 
-def fragment_catalogue(grains: Dataset) -> Dataset:
+def fragment_catalogue(grains: Dataset | DataTree) -> Dataset:
     """All fragments in all snapshots of a run.
 
     Parameters
     ----------
     grains
-        What `open_run` gives of the grains.nc of a run of breakable grains.
+        What `open_run` gives of the folder, or of the grains.nc, of a run of breakable grains.
 
     Returns
     -------
@@ -59,6 +60,7 @@ def fragment_catalogue(grains: Dataset) -> Dataset:
     """
     import xarray
 
+    grains = part_of(grains, "grains")
     missing = [name for name in NEEDED if name not in grains.variables]
     if missing:
         raise InputError(f"grains: has no {', '.join(missing)}, must be the grains.nc of a run of breakable grains")

@@ -6,9 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..core.errors import InputError
+from .run_parts import part_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+    from .run_parts import Run
 
 Array = npt.NDArray[np.float64]
 ALONG = "slip_since_step"
@@ -17,7 +20,7 @@ ROUNDING = 1e-9  # of slips, over their range
 
 
 def stack_cycles(
-    run: "Dataset",
+    run: "Run",
     stage: str,
     before: float = 0.0,
     slips: npt.ArrayLike | None = None,
@@ -30,7 +33,7 @@ def stack_cycles(
     Parameters
     ----------
     run
-        What `open_run` gives of a run through stages.
+        What `open_run` gives of the folder, or of the run.nc, of a run through stages.
     stage
         Name of the stage.
     before
@@ -59,6 +62,7 @@ def stack_cycles(
     """
     import xarray
 
+    run = part_of(run, "run")
     places = _places(run, stage)
     moved = np.asarray(run.displacement, float)
     if of == "load_point":

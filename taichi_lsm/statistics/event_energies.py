@@ -5,9 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import InputError
+from .run_parts import part_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+    from .run_parts import Run
 
 NEEDED = (
     *("spring_stretch", "external_work", "translational_energy", "rotational_energy", "elastic_energy"),
@@ -15,7 +18,7 @@ NEEDED = (
 )
 
 
-def event_energies(run: "Dataset", events: "Dataset", stiffness: float) -> "Dataset":
+def event_energies(run: "Run", events: "Dataset", stiffness: float) -> "Dataset":
     """The budget of every slip event, from the rows of run.nc at its start and end.
 
     The spring releases E_K = K (s_0^2 - s_1^2)/2, s its stretch; the drives do the work W on the platens, which the
@@ -25,7 +28,7 @@ def event_energies(run: "Dataset", events: "Dataset", stiffness: float) -> "Data
     Parameters
     ----------
     run
-        What `open_run` gives of a run whose platen a spring pulls.
+        What `open_run` gives of the folder, or of the run.nc, of a run whose platen a spring pulls.
     events
         As `detect_events` gives them.
     stiffness
@@ -44,6 +47,7 @@ def event_energies(run: "Dataset", events: "Dataset", stiffness: float) -> "Data
     InputError
         If the run has no spring.
     """
+    run = part_of(run, "run")
     missing = [name for name in NEEDED if name not in run.variables]
     if missing:
         raise InputError(f"run: has no {', '.join(missing)}, must be the run.nc of a layer that a spring pulls")

@@ -7,21 +7,24 @@ import numpy as np
 import numpy.typing as npt
 
 from ..core.errors import InputError
+from .run_parts import part_of
 from .steady_means import LEAST_SAMPLES, Estimate, steady_ratio
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
+    from .run_parts import Run
+
 STORED = ("translational_energy", "rotational_energy", "elastic_energy")
 
 
-def work_partition(run: "Dataset", from_strain: float = 0.0, to_strain: float = math.inf) -> "Dataset":
+def work_partition(run: "Run", from_strain: float = 0.0, to_strain: float = math.inf) -> "Dataset":
     """Energy that each effect dissipated within a window of shear strain, and its share of all that was dissipated.
 
     Parameters
     ----------
     run
-        What `open_run` gives of a run.nc, or its rows of one stage or event.
+        What `open_run` gives of the folder, or of the run.nc, of a run, or its rows of one stage or event.
     from_strain, to_strain
         First and last shear strain [1] of the window.
 
@@ -41,6 +44,7 @@ def work_partition(run: "Dataset", from_strain: float = 0.0, to_strain: float = 
     import xarray
 
     needed = ("dissipated_energy", "external_work", "shear_strain", *STORED)
+    run = part_of(run, "run")
     missing = [name for name in needed if name not in run.variables]
     if missing:
         raise InputError(f"run: has no {', '.join(missing)}, must be the run.nc of a layer")
@@ -72,13 +76,13 @@ def work_partition(run: "Dataset", from_strain: float = 0.0, to_strain: float = 
     )
 
 
-def work_by_stage(run: "Dataset") -> "Dataset":
+def work_by_stage(run: "Run") -> "Dataset":
     """Where the work went in each stage of a run: energies by its name, over all passages through it.
 
     Parameters
     ----------
     run
-        What `open_run` gives of a run through stages, or of its rows since shear began.
+        What `open_run` gives of the folder, or of the run.nc, of a run through stages; or its rows since shear began.
 
     Returns
     -------
@@ -92,6 +96,7 @@ def work_by_stage(run: "Dataset") -> "Dataset":
     """
     import xarray
 
+    run = part_of(run, "run")
     missing = [name for name in ("stage", "dissipated_energy") if name not in run.variables]
     if missing or run.sizes["time"] < 2:
         raise InputError(f"run: has no {', '.join(missing) or 'two rows'}, must be the run.nc of a layer")

@@ -135,7 +135,8 @@ def check_refused(path, reason):
 
 def test_missing_files_and_folders_are_named(tmp_path):
     check_refused(tmp_path / "run.nc", "no such file")
-    check_refused(tmp_path, "is a folder")
+    with pytest.raises(lsm.InputError, match="holds no file of a run yet"):
+        lsm.open_run(tmp_path)
 
 
 def test_whole_run_is_opened_and_truncated_ones_are_refused(run_file):

@@ -50,7 +50,7 @@ def test_a_script_writes_the_columns_to_its_file(tmp_path):
     file = lsm.RunWriter(tmp_path / "run.nc", series.variables, attributes(), series.coordinates)
     file.append({"time": sim.time, **series.row()})
     file.close("complete")
-    run = lsm.open_run(tmp_path)
+    run = lsm.open_run(tmp_path).run
     assert list(run.wall_name.values) == ["floor", "slope"] and run.wall_normal_force.attrs["units"] == "N"
     assert run.wall_tangential_force.dims == ("time", "wall", "space")
     assert run.wall_normal_force.values[0] == pytest.approx([400.0, 12.0 * ROOT_HALF])
@@ -85,7 +85,7 @@ def test_a_layer_between_walls_has_their_columns_and_its_budget_is_closed(runtim
             sim.run(8000)
             layer.sample()
             recorder.row()
-    run, now = lsm.open_run(tmp_path), lsm.energies(sim)
+    run, now = lsm.open_run(tmp_path).run, lsm.energies(sim)
     assert list(run.wall_name.values) == ["left", "right"]
     left, right = run.wall_normal_force.values[-1]
     assert right == pytest.approx(press.force, rel=1e-3) and 0.1 * right < left < right  # the platens take the rest
