@@ -16,7 +16,8 @@ lsm
     measures; files; errors.
 
 The ten names that most scripts need are all at the top: Scene, Simulation, open_run, and from the namespaces disc,
-sphere, LinearElastic, ViscousDamping, CoulombFriction, Gravity and steady_state.
+sphere, LinearElastic, ViscousDamping, CoulombFriction, Gravity and steady_state. So are the analyses of what open_run
+gives: profiles, shear_band, fabric, force_chains and d2min.
 
 Names are imported when they are first used: Taichi is loaded only when something is simulated.
 """
@@ -91,6 +92,11 @@ if TYPE_CHECKING:  # what `__getattr__` finds, for type checkers and editors
     from .shapes import disc as disc
     from .shapes import sphere as sphere
     from .simulation import Simulation as Simulation
+    from .statistics import d2min as d2min
+    from .statistics import fabric as fabric
+    from .statistics import force_chains as force_chains
+    from .statistics import profiles as profiles
+    from .statistics import shear_band as shear_band
     from .statistics import steady_state as steady_state
     from .statistics.contact_moments import contacts_at as contacts_at
     from .stepping.euler import ExplicitEuler as ExplicitEuler
@@ -184,6 +190,11 @@ _SHORTCUTS = {
     "disc": "shapes",
     "sphere": "shapes",
     "steady_state": "statistics",
+    "d2min": "statistics",
+    "fabric": "statistics",
+    "force_chains": "statistics",
+    "profiles": "statistics",
+    "shear_band": "statistics",
 }
 
 __all__ = sorted(["__version__", *_NAMESPACES, *_HOME, *_SHORTCUTS])

@@ -13,6 +13,7 @@ import taichi_lsm as lsm
 ROOT = Path(__file__).resolve().parents[1]
 NAMESPACES = ("effects", "shapes", "statistics")
 SHORTCUTS = {"disc", "sphere", "LinearElastic", "ViscousDamping", "CoulombFriction", "Gravity", "steady_state"}
+ANALYSES = {"profiles", "shear_band", "fabric", "force_chains", "d2min"}
 
 
 def names_of(namespace):
@@ -23,8 +24,8 @@ def names_of(namespace):
 def test_every_name_has_one_home():
     inside = [name for namespace in NAMESPACES for name in names_of(namespace)]
     assert len(inside) == len(set(inside))
-    assert set(inside) & set(lsm.__all__) == SHORTCUTS
-    for name in SHORTCUTS:
+    assert set(inside) & set(lsm.__all__) == SHORTCUTS | ANALYSES
+    for name in SHORTCUTS | ANALYSES:
         (home,) = (namespace for namespace in NAMESPACES if name in names_of(namespace))
         assert getattr(lsm, name) is getattr(getattr(lsm, home), name)
 
@@ -37,7 +38,7 @@ def test_the_module_docstring_names_the_namespaces_and_the_shortcuts():
     for name in NAMESPACES:
         assert f"lsm.{name}\n" in lsm.__doc__
     top = lsm.__doc__.split("The ten names")[1].replace(",", " ").replace(".", " ").split()
-    assert set(top) & (SHORTCUTS | set(lsm.__all__)) == SHORTCUTS | {"Scene", "Simulation", "open_run"}
+    assert set(top) & (SHORTCUTS | set(lsm.__all__)) == SHORTCUTS | ANALYSES | {"Scene", "Simulation", "open_run"}
 
 
 @pytest.mark.parametrize("module", [lsm, *(getattr(lsm, name) for name in NAMESPACES)], ids=lambda m: m.__name__)

@@ -9,15 +9,17 @@ A_l = <|l| n n>' - A_c                                                          
 A_b = <n l>' - <|l_n| n n>', zero where branch vectors lie along normals                            (6)
 and sigma' = A_c + A_n + A_t + A_l + A_b to the second order of the anisotropies: the stress-force-fabric relation.
 
-In 2D the distributions are E = (1 + a_c cos 2(theta - theta_c))/2 pi, f_n ~ 1 + a_n cos 2(theta - theta_n), and so on,
-and sin phi = (s1 - s2)/(s1 + s2) = (a_c + a_n + a_t + a_l)/2 (Rothenburg & Bathurst 1989); in 3D
+<n n> is the fabric tensor of Satake (1982). In 2D the distributions are E = (1 + a_c cos 2(theta - theta_c))/2 pi,
+f_n ~ 1 + a_n cos 2(theta - theta_n), and so on, and
+sin phi = (s1 - s2)/(s1 + s2) = (a_c + a_n + a_t + a_l)/2 (Rothenburg & Bathurst 1989); in 3D
 q/p = 2/5 (a_c + a_n + a_t + a_l) (Ouadfel & Rothenburg 2001) with a = sqrt(3/2 a_ij a_ij) of
 E = (1 + a_ij n_i n_j)/4 pi, where a_t is 3/2 of the one of Guo & Zhao (2013).
 
 References
 ----------
-Rothenburg & Bathurst (1989), doi:10.1680/geot.1989.39.4.601; Ouadfel & Rothenburg (2001),
-doi:10.1016/S0167-6636(00)00057-0; Guo & Zhao (2013), doi:10.1016/j.compgeo.2012.07.002.
+Satake (1982), in Deformation and Failure of Granular Materials, Balkema, 63-68; Rothenburg & Bathurst (1989),
+doi:10.1680/geot.1989.39.4.601; Ouadfel & Rothenburg (2001), doi:10.1016/S0167-6636(00)00057-0; Guo & Zhao (2013),
+doi:10.1016/j.compgeo.2012.07.002.
 """
 
 import math
@@ -26,10 +28,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
+from .contact_moments import contacts_at
+from .run_parts import holds, part_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+    from .run_parts import Run
 
 Array = npt.NDArray[np.float64]
 COLUMNS = ("normal", "normal_force", "tangential_force", "branch")
@@ -56,6 +62,14 @@ class Fabric(NamedTuple):
         (D,) unit vectors along which contacts are most, and compression is greatest; the sign has no meaning.
     contacts
         Number of contacts.
+    normal_force_tensor, force_tensor
+        (D, D) <f_n n n> and <f n> [N], symmetric; the trace of either is the mean normal force.
+    normal_force_direction
+        (D,) unit vector along which normal forces are greatest.
+    rose
+        In 2D a Dataset along `angle` [rad] of the normal, from -pi to pi, either normal of a contact counted: density
+        [rad-1], of integral 1; normal_force and tangential_force [N], their means, the latter along the normal turned
+        by +pi/2; nan where no contact points. None in 3D.
     """
 
     tensor: Array
@@ -69,16 +83,26 @@ class Fabric(NamedTuple):
     contact_direction: Array
     stress_direction: Array
     contacts: int
+    normal_force_tensor: Array
+    force_tensor: Array
+    normal_force_direction: Array
+    rose: "Dataset | None"
 
 
-def fabric(contacts: "Dataset") -> Fabric:
+def fabric(contacts: "Run", time: float | None = None, bins: int = 36) -> Fabric:
     """Fabric and anisotropies of contacts such as `sim.contacts()` gives them; equations in the module's text.
 
     Parameters
     ----------
     contacts
-        Along contact and space: normal [1], normal_force [N], tangential_force [N] on the second grain, branch [m].
-        Select rows before, such as `contacts.sel(contact=~contacts.bonded)`, or leave out those with platens or walls.
+        The tree of a run, of which contacts with walls and with grains glued to platens are left out; a contacts.nc; or
+        contacts of one moment, as `contacts_at` and `sim.contacts()` give them, along contact and space: normal [1],
+        normal_force [N], tangential_force [N] on the second grain, branch [m]. Rows can be selected before, such as
+        `contacts.sel(contact=~contacts.bonded)`.
+    time
+        Time [s]; the nearest moment is taken, the last one by default.
+    bins
+        Number of angles of the rose, even and >= 2.
 
     Returns
     -------
@@ -92,18 +116,21 @@ def fabric(contacts: "Dataset") -> Fabric:
         If a variable is missing, the space is not of 2 or 3 dimensions, there are fewer contacts than 4, values are not
         finite, or the contacts carry no compression.
     """
-    n, normal_force, tangential, branch = _checked(contacts)
+    if isinstance(bins, bool) or not isinstance(bins, int | np.integer) or bins < 2 or bins % 2:
+        raise InputError(f"bins = {shown(bins)}: must be an even number >= 2")
+    n, normal_force, tangential, branch = _checked(_between_grains(contacts, time))
     count, dim = n.shape
     stress = _mean(normal_force[:, None] * n + tangential, branch)
     if not np.trace(stress) > 0.0 or not normal_force.mean() > 0.0:
         raise InputError(f"contacts: mean stress of sign {np.sign(np.trace(stress)):g}, must be a compression")
     tensor, length = _mean(n, n), np.linalg.norm(branch, axis=1)
     along = np.einsum("ci,ci->c", branch, n)
-    of_contacts, of_normal_force = _deviator(tensor), _deviator(_mean(normal_force[:, None] * n, n))
+    normal_forces, forces = _mean(normal_force[:, None] * n, n), _mean(normal_force[:, None] * n + tangential, n)
+    of_contacts, of_normal_force = _deviator(tensor), _deviator(normal_forces)
     parts = (
         of_contacts,
         of_normal_force - of_contacts,
-        _deviator(_mean(normal_force[:, None] * n + tangential, n)) - of_normal_force,
+        _deviator(forces) - of_normal_force,
         _deviator(_mean(length[:, None] * n, n)) - of_contacts,
         _deviator(_mean(n, branch)) - _deviator(_mean(along[:, None] * n, n)),
     )
@@ -125,6 +152,46 @@ def fabric(contacts: "Dataset") -> Fabric:
         _greatest(tensor),
         _greatest(stress),
         count,
+        normal_forces,
+        forces,
+        _greatest(normal_forces),
+        _rose(n, normal_force, tangential, int(bins)) if dim == 2 else None,
+    )
+
+
+def _between_grains(contacts: "Run", time: float | None) -> "Dataset":
+    """The contacts of one moment; of a run those between mobile grains."""
+    if not hasattr(contacts, "children"):
+        return contacts_at(contacts, time) if "row_size" in contacts.variables else contacts  # pyright: ignore
+    moment = contacts_at(contacts, time)
+    mobile = np.asarray(moment.second_id) >= 0
+    if holds(contacts, "grains"):
+        glued = np.asarray(part_of(contacts, "grains", ("kind",)).kind) == 1
+        pairs = np.stack([moment.first_id, np.where(mobile, moment.second_id, moment.first_id)])
+        mobile &= ~glued[pairs].any(axis=0)
+    return moment.isel(contact=np.flatnonzero(mobile))
+
+
+def _rose(n: Array, normal_force: Array, tangential: Array, bins: int) -> "Dataset":
+    """Contacts and mean forces by the angle of their normals, see `Fabric`."""
+    import xarray
+
+    borders = np.linspace(-np.pi, np.pi, bins + 1)
+    across = tangential[:, 1] * n[:, 0] - tangential[:, 0] * n[:, 1]
+    # The other normal of a contact, of the first grain: there force and direction are both opposite.
+    angle = np.concatenate([np.arctan2(n[:, 1], n[:, 0]), np.arctan2(-n[:, 1], -n[:, 0])])
+    count, _ = np.histogram(angle, borders)
+    sums = [np.histogram(angle, borders, weights=np.tile(force, 2))[0] for force in (normal_force, across)]
+    with np.errstate(invalid="ignore"):
+        means = [total / np.where(count > 0, count, np.nan) for total in sums]
+    width = borders[1] - borders[0]
+    return xarray.Dataset(
+        {
+            "density": ("angle", count / (angle.size * width), {"units": "rad-1", "long_name": "density of contacts"}),
+            "normal_force": ("angle", means[0], {"units": "N", "long_name": "mean normal force"}),
+            "tangential_force": ("angle", means[1], {"units": "N", "long_name": "mean tangential force"}),
+        },
+        {"angle": ("angle", 0.5 * (borders[1:] + borders[:-1]), {"units": "rad", "long_name": "angle of the normal"})},
     )
 
 

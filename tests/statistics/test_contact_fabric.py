@@ -6,6 +6,7 @@ import xarray as xr
 
 from taichi_lsm import InputError
 from taichi_lsm.statistics import fabric
+from tests.helpers.contact_tables import grains_of, moment_of, moments_of
 
 
 def contacts_of(normal, normal_force, tangential_force, branch):
@@ -92,3 +93,39 @@ def test_contacts_that_carry_nothing_are_refused():
         fabric(contacts.isel(contact=slice(3)))
     with pytest.raises(InputError, match="not finite"):
         fabric(contacts.assign(normal_force=contacts.normal_force * np.nan))
+
+
+def test_the_rose_and_the_tensors_of_forces_are_those_of_the_distributions():
+    found = fabric(contacts_in_2d(0.2, 0.4, 0.15, 0.0, direction=0.0), bins=72)
+    rose, angle = found.rose, found.rose.angle.values
+    assert float(rose.density.sum()) * 2.0 * np.pi / 72 == pytest.approx(1.0)
+    assert rose.density.values == pytest.approx((1.0 + 0.2 * np.cos(2.0 * angle)) / (2.0 * np.pi), rel=5e-3)
+    assert rose.normal_force.values == pytest.approx(1.0 + 0.4 * np.cos(2.0 * angle), rel=5e-3)
+    assert rose.tangential_force.values == pytest.approx(-0.15 * np.sin(2.0 * angle), abs=5e-3)
+    # <f_n n n>: f_n (1 + a_c cos 2 theta) has the mean 1 + a_c a_n/2 and the second harmonic a_c + a_n.
+    mean, second = 1.0 + 0.2 * 0.4 / 2.0, 0.2 + 0.4
+    assert found.normal_force_tensor == pytest.approx(
+        np.diag([mean + second / 2.0, mean - second / 2.0]) / 2.0, abs=1e-6
+    )
+    # The tangential force adds -a_t sin 2 theta t: to first order a_t/4 on the diagonal.
+    difference = found.force_tensor - found.normal_force_tensor
+    assert difference == pytest.approx(np.diag([0.15, -0.15]) / 4.0, abs=1e-6)
+    assert abs(found.normal_force_direction[0]) == pytest.approx(1.0)
+    with pytest.raises(InputError, match="bins = 7: must be an even number"):
+        fabric(contacts_in_2d(0.2, 0.4, 0.15, 0.0, count=100), bins=7)
+
+
+def test_of_a_run_the_contacts_between_mobile_grains_count_at_one_time():
+    """Grain 0 is glued, and there is a wall: of the second moment four contacts are left, all along y."""
+    ids = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, -1)]
+    normal = np.array([[1.0, 0.0], *[[0.0, 1.0]] * 4, [1.0, 0.0]])
+    first, second = (list(column) for column in zip(*ids, strict=True))
+    moment = moment_of(first, second, 0.5 * normal, normal, normal, np.ones(6), np.zeros((6, 2)))
+    turned = moment_of(first, second, normal, normal[:, ::-1], normal[:, ::-1], np.ones(6), np.zeros((6, 2)))
+    contacts = moments_of([turned, moment], [0.0, 1.0])
+    grains = grains_of(np.zeros((2, 6, 2)), 1.0, glued=(0,))
+    tree = xr.DataTree(children={"grains": xr.DataTree(grains), "contacts": xr.DataTree(contacts)})
+    found = fabric(tree)
+    assert found.contacts == 4 and found.tensor[1, 1] == pytest.approx(1.0)
+    assert fabric(tree, 0.0).tensor[0, 0] == pytest.approx(1.0)
+    assert fabric(contacts).contacts == 6 and fabric(contacts, time=0.2).tensor[0, 0] == pytest.approx(4 / 6)

@@ -1,7 +1,7 @@
 """Profiles of velocity across a sheared layer: the width of the shear band, and the slip at the platens."""
 
 import math
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +10,15 @@ from ..core.errors import InputError
 from .input_checks import rising, series
 from .steady_means import Estimate
 
+if TYPE_CHECKING:
+    from xarray import Dataset
+
 Array = npt.NDArray[np.float64]
 Form = Literal["error-function", "exponential"]
 LEAST_HEIGHTS = 6
 # Between the heights where the velocity has covered a tenth and nine tenths of its change, over w and over the decay.
 TENTHS = {"error-function": 2.563103131, "exponential": 2.197224577}  # 2 sqrt(2) erfinv(0.8), ln 9
+NO_SHARE = Estimate(math.nan, math.nan, math.nan, math.nan, "nothing moves")
 WIDEST = 2.0  # over the height of the profile: beyond it no band is seen
 
 
@@ -36,6 +40,9 @@ class ShearBand(NamedTuple):
         Number of heights less that of the fitted parameters.
     form
         "error-function" or "exponential".
+    share
+        The change over the velocity of the platens against each other [1], as far as it is known; else over the change
+        from the lowest height to the highest one.
     """
 
     width: Estimate
@@ -44,6 +51,7 @@ class ShearBand(NamedTuple):
     chi_square: float
     degrees_of_freedom: int
     form: Form
+    share: Estimate
 
 
 class BoundarySlip(NamedTuple):
@@ -64,8 +72,8 @@ class BoundarySlip(NamedTuple):
 
 
 def shear_band(
-    height: npt.ArrayLike,
-    velocity: npt.ArrayLike,
+    height: "npt.ArrayLike | Dataset",
+    velocity: npt.ArrayLike | None = None,
     errors: npt.ArrayLike | None = None,
     form: Form = "error-function",
 ) -> ShearBand:
@@ -78,9 +86,10 @@ def shear_band(
     Parameters
     ----------
     height
-        (n,) y [m], rising.
+        What `profiles` gives, best of many snapshots, of which heights without grains are left out. Or (n,) y [m],
+        rising.
     velocity
-        (n,) velocity along the shear [m s-1], averaged over many snapshots.
+        (n,) velocity along the shear [m s-1], averaged over many snapshots; not beside profiles.
     errors
         (n,) its standard errors [m s-1]; without them all heights count alike and residuals tell the error.
     form
@@ -105,6 +114,7 @@ def shear_band(
     """
     from scipy.optimize import curve_fit
 
+    height, velocity, whole = _of_profiles(height, velocity)
     v = series("velocity", velocity, LEAST_HEIGHTS)
     y = series("height", height, LEAST_HEIGHTS, v.size)
     rising("height", y)
@@ -126,7 +136,28 @@ def shear_band(
         width = Estimate(width.mean, math.nan, v.size, student, "the profile is nearly straight: shear fills the layer")
     change, centre = _change_and_centre(form, y, found, deviations, student)
     chi_square = math.nan if sigma is None else float(np.sum(((v - shape(y, *found)) / sigma) ** 2))
-    return ShearBand(width, centre, change, chi_square, freedom, form)
+    whole = float(v[-1] - v[0]) if whole is None else whole
+    share = Estimate(change.mean / whole, change.standard_error / abs(whole), v.size, student) if whole else NO_SHARE
+    return ShearBand(width, centre, change, chi_square, freedom, form, share)
+
+
+def _of_profiles(
+    height: "npt.ArrayLike | Dataset", velocity: npt.ArrayLike | None
+) -> tuple[npt.ArrayLike, npt.ArrayLike, float | None]:
+    """Heights, velocities along the shear, and the velocity of the platens against each other if it is known."""
+    if hasattr(height, "data_vars"):
+        profiles: Dataset = height  # pyright: ignore[reportAssignmentType]
+        if velocity is not None or not {"height", "velocity"} <= set(profiles.variables):
+            raise InputError("profiles: must be what lsm.profiles gives, without velocities beside it")
+        along = np.asarray(profiles.velocity, float)[:, 0]
+        there = np.isfinite(along)
+        whole = None
+        if "platen_velocity" in profiles:
+            whole = float(np.diff(np.asarray(profiles.platen_velocity)[:, 0])[0])
+        return np.asarray(profiles.height, float)[there], along[there], whole or None
+    if velocity is None:
+        raise InputError("velocity: None, must be the velocity at each height, or give lsm.profiles alone")
+    return height, velocity, None
 
 
 def _change_and_centre(
