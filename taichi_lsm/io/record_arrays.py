@@ -49,13 +49,10 @@ class RecordArray(BackendArray):
         return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._read)
 
     def _read(self, key: tuple[int | slice, ...]) -> npt.NDArray:
-        """Values by one integer or slice for each dimension."""
+        """Values by one integer or rising slice for each dimension."""
         chosen = key[0]
         if isinstance(chosen, slice):
-            records = range(*chosen.indices(self.shape[0]))
-            ascending = records if records.step > 0 else records[::-1]
-            values = self._records(ascending)
-            return values[:: 1 if records.step > 0 else -1][(slice(None), *key[1:])]
+            return self._records(range(*chosen.indices(self.shape[0])))[(slice(None), *key[1:])]
         return self._records(range(chosen, chosen + 1))[(0, *key[1:])]
 
     def _records(self, records: range) -> npt.NDArray:

@@ -42,10 +42,12 @@ def touching(position, diameter, periodic=(), shift=0.0, stiffness=1e4, slope=0.
     radius = 0.5 * np.broadcast_to(np.asarray(diameter, float), len(position))
     edges = np.diag([*periodic, *np.ones(dim)][:dim])
     edges[0, 1] = shift
+    whole = np.floor(np.linalg.solve(edges, position.T).T) * (np.arange(dim) < len(periodic))
+    inside = position - whole @ edges.T
     ranges = [(-1, 0, 1) if axis < len(periodic) else (0,) for axis in range(dim)]
     images = np.array(np.meshgrid(*ranges)).reshape(dim, -1).T
     k, l, image = np.nonzero(np.ones((len(position), len(position), len(images))))
-    branch = position[l] - position[k] + images[image] @ edges.T
+    branch = inside[l] - inside[k] + images[image] @ edges.T
     distance = np.linalg.norm(branch, axis=1)
     depth = radius[k] + radius[l] - distance
     rows = np.flatnonzero((k < l) & (depth > 0.0))

@@ -73,17 +73,24 @@ def test_a_single_move_within_a_square():
     assert found.glued.values.tolist() == [False] * 4 + [True]
 
 
-def test_by_brute_force_across_borders():
-    place, lengths = scattered(2, 60), np.array([6.0, 6.0])
-    moved = place + 0.1 * np.random.default_rng(4).normal(size=place.shape)
-    found = d2min(grains_of([place, moved], 0.5, lengths), 0.0).d2min.values
+def test_by_brute_force_across_borders_of_a_sheared_cell():
+    """Positions lie anywhere, and the image above is shifted by several periods at either time."""
+    rng = np.random.default_rng(4)
+    edges = np.array([[[6.0, 20.7], [0.0, 6.0]], [[6.0, 22.5], [0.0, 6.3]]])
+    share = rng.random((60, 2)) + rng.integers(-2, 3, (60, 2))
+    place, moved = share @ edges[0].T, share @ edges[1].T + 0.1 * rng.normal(size=share.shape)
+    cells = [(6.0, 20.7, 0.0), (6.3, 22.5, 0.0)]
+    found = d2min(grains_of([place, moved], 0.5, [6.0, 6.0], cells=cells), 0.0, cutoff=1.8)
+    numbers = np.stack(np.meshgrid(np.arange(-30, 31), np.arange(-6, 7), indexing="ij"), axis=-1).reshape(-1, 2)
     for k in (0, 17, 42):
-        between = place - place[k]
-        between -= lengths * np.round(between / lengths)
-        near = np.flatnonzero((np.linalg.norm(between, axis=1) < 2.5 * 0.5) & (np.arange(60) != k))
-        after = between[near] + (moved - place)[near] - (moved - place)[k]
-        fit, *_ = np.linalg.lstsq(between[near], after, rcond=None)
-        assert found[k] == pytest.approx(np.sum((after - between[near] @ fit) ** 2), rel=1e-10)
+        images = (place - place[k])[:, None, :] + numbers @ edges[0].T
+        near, image = np.nonzero(np.linalg.norm(images, axis=2) < 1.8)
+        near, image = near[near != k], image[near != k]
+        before = images[near, image]
+        after = (moved - moved[k])[near] + numbers[image] @ edges[1].T
+        fit, *_ = np.linalg.lstsq(before, after, rcond=None)
+        assert found.neighbour_count.values[k] == len(near) > 4
+        assert found.d2min.values[k] == pytest.approx(np.sum((after - before @ fit) ** 2), rel=1e-10)
 
 
 def test_what_cannot_be_computed_is_refused():
