@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 HEAP = b"GCOL\x01\0\0\0"  # signature, version, three reserved bytes; then 8 bytes: the size
 HEAP_HEADER, OBJECT_HEADER = 16, 16  # bytes
 MOST_PACKED = 1100  # bytes that deflate makes of one, at most 1032, and a margin
+WINDOW = 2**13  # bytes that the library reads of its header at a time; in memory it refuses one that ends before
 IN_MEMORY = 2**28  # bytes of a file that is read as a whole
 SMALL = 2**24  # bytes that any file may declare
 MUCH = 0.5  # share of the machine's memory
@@ -56,7 +57,7 @@ def opened_content(content: bytes) -> "Iterator[netCDF4.Dataset]":
     """A file of the classic format in memory, as `opened_netcdf` opens one on the disk."""
     import netCDF4
 
-    with netCDF4.Dataset("in memory", memory=content) as dataset:
+    with netCDF4.Dataset("in memory", memory=content + bytes(WINDOW)) as dataset:
         dataset.set_auto_mask(False)
         _require_moderate(dataset, len(content))
         yield dataset

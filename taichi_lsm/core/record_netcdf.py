@@ -84,6 +84,16 @@ class RecordHead(NamedTuple):
     content: bytes
     identity: tuple[int, int]
 
+    def text(self, name: str) -> str:
+        """A global attribute of text, "" if there is none."""
+        start, size = self.layout.texts.get(name, (0, 0))
+        return self.content[start : start + size].rstrip(b"\0").decode()
+
+    def continues(self, former: "RecordHead") -> bool:
+        """Whether it has the records of a former file whose place it took: of the same run, made anew as it went on."""
+        same_run = self.text("id") == former.text("id") != ""
+        return same_run and list(self.layout.variables.items()) == list(former.layout.variables.items())
+
 
 def is_record_file(path: Path) -> bool:
     """Whether the file begins as one of this format."""

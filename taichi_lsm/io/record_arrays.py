@@ -14,12 +14,13 @@ import xarray
 from xarray.backends import BackendArray, NetCDF4DataStore
 from xarray.core import indexing
 
-from ..core.errors import InputError
+from ..core.errors import InputError, reason
 from ..core.netcdf_input import opened_content
 from ..core.record_netcdf import RecordHead, identity_of, read_head
 
 SMALL_RECORD = 2**12  # bytes: records below are read as a whole, for their neighbours come along anyway
 AT_ONCE = 2**24  # bytes that are read together
+TRIES = 5  # where a file is replaced while it is read
 
 
 class RecordArray(BackendArray):
@@ -39,8 +40,7 @@ class RecordArray(BackendArray):
 
     def __init__(self, path: Path, head: RecordHead, name: str, dtype: npt.DTypeLike, inner: tuple[int, ...]) -> None:
         layout = head.layout
-        self.path, self.identity = path, head.identity
-        self.start, self.record_size = layout.start, layout.size
+        self.path, self.head, self.record_size = path, head, layout.size
         names = list(layout.variables)
         self.offset = sum(layout.variables[before] for before in names[: names.index(name)])
         self.dtype, self.shape = np.dtype(dtype), (layout.count, *inner)
@@ -57,22 +57,40 @@ class RecordArray(BackendArray):
 
     def _records(self, records: range) -> npt.NDArray:
         """Values (records, ...) of records with rising numbers."""
+        try:
+            for _ in range(TRIES):
+                with open(self.path, "rb", buffering=0) as file:
+                    if identity_of(file) == self.head.identity:
+                        return self._values(file.fileno(), records)
+                self._take_over()
+        except InputError:
+            raise
+        except (OSError, ValueError) as error:
+            raise InputError(f"{self.path}: cannot be read any more ({reason(error)})") from None
+        raise InputError(f"{self.path}: is replaced all the time, try again")
+
+    def _take_over(self) -> None:
+        """Go on with a file that has taken the place of the former one, if it has the same records and perhaps more."""
+        head = read_head(self.path)
+        if not head.continues(self.head) or head.layout.count < self.shape[0]:
+            raise InputError(f"{self.path}: was replaced since it was opened, open it again")
+        self.head = head
+
+    def _values(self, file: int, records: range) -> npt.NDArray:
+        """Values of records of the open file."""
+        start, size = self.head.layout.start, self.record_size
         width = self.dtype.itemsize * int(np.prod(self.shape[1:], dtype=np.int64))
         found = np.empty((len(records), width), np.uint8)
-        with open(self.path, "rb", buffering=0) as file:
-            if identity_of(file) != self.identity:
-                raise InputError(f"{self.path}: was replaced since it was opened, open it again")
-            if self.record_size > SMALL_RECORD:
-                for row, number in zip(found, records, strict=True):
-                    row[:] = self._bytes(file.fileno(), self.start + number * self.record_size + self.offset, width)
-            else:
-                many = max(1, AT_ONCE // self.record_size)
-                for first in range(0, len(records), many):
-                    some = records[first : first + many]
-                    span = some[-1] - some[0] + 1
-                    block = self._bytes(file.fileno(), self.start + some[0] * self.record_size, span * self.record_size)
-                    columns = block.reshape(span, self.record_size)[:: some.step, self.offset : self.offset + width]
-                    found[first : first + len(some)] = columns
+        if size > SMALL_RECORD:
+            for row, number in zip(found, records, strict=True):
+                row[:] = self._bytes(file, start + number * size + self.offset, width)
+        else:
+            many = max(1, AT_ONCE // size)
+            for first in range(0, len(records), many):
+                some = records[first : first + many]
+                span = some[-1] - some[0] + 1
+                block = self._bytes(file, start + some[0] * size, span * size).reshape(span, size)
+                found[first : first + len(some)] = block[:: some.step, self.offset : self.offset + width]
         values = found.view(self.dtype.newbyteorder(">")).astype(self.dtype)
         return values.reshape(len(records), *self.shape[1:])
 

@@ -142,6 +142,9 @@ def contact_arms(grains: "Dataset", moment: "Dataset") -> ContactArms:
     count, last = grains.sizes["grain"], max(first.max(initial=-1), second.max(initial=-1))
     if last >= count or first.min(initial=0) < 0:
         raise InputError(f"contacts: ids up to {last}, the run has {count} grains; must be contacts of this run")
+    if "arm" in moment.variables:
+        arm = np.asarray(moment.arm, float)
+        return ContactArms(first, second, force, branch, arm, arm - branch)
     cell = cell_of(grains)
     # The point lies beside the first grain, or beside an image of it.
     arm = point - grains.position.values[first]
@@ -166,7 +169,7 @@ def grain_volumes(grains: "Dataset", thickness: float | None = None) -> Array:
         In 2D if neither the density nor a thickness is known.
     """
     dim, mass = grains.sizes["space"], np.asarray(grains.mass, float)
-    density = float(grains["density"]) if "density" in grains.coords and grains["density"].ndim == 0 else np.nan
+    density = float(grains["density"]) if "density" in grains.variables and grains["density"].ndim == 0 else np.nan
     if thickness is None and density > 0.0:
         return mass / density
     size = BALL[dim] * np.asarray(grains.shape_scale, float) ** dim

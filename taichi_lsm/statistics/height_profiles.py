@@ -208,7 +208,7 @@ def _slabs(now: "Dataset", cell: Cell, glued: npt.NDArray, there: npt.NDArray, b
             high = (y - reach)[upper].mean()
         bins = np.linspace(low, high, bins + 1)
     thickness = 1.0
-    if place.shape[1] == 2 and "density" in now.coords:
+    if place.shape[1] == 2 and "density" in now.variables:
         area = BALL[2] * now.shape_scale.values**2
         thickness = float(now.mass.sum() / (now["density"] * area.sum()))
     elif place.shape[1] == 2:

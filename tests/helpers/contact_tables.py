@@ -87,18 +87,19 @@ def moments_of(moments, times):
 
 
 def write_contacts(path, dataset, room=0, run_status="complete"):
-    """The dataset as a file whose records are contacts, with room for further moments, whose time is nan."""
-    count = dataset.sizes["time"]
+    """contacts.nc: its records are contacts, with room for further moments, whose time is nan."""
+    write_records(path, dataset, "contact", {"time": room}, run_status)
+
+
+def write_records(path, dataset, along, room=None, run_status="complete"):
+    """A dataset as a file of records along a dimension; room: of others, filled with 0, their labels with nan."""
+    spare = room or {}
     with netCDF4.Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
-        file.setncatts({"run_status": run_status, "Conventions": "CF-1.11"})
-        file.createDimension("contact", None)
-        file.createDimension("time", count + room)
-        file.createDimension("space", dataset.sizes["space"])
+        file.setncatts({"run_status": run_status, "Conventions": "CF-1.11", **dataset.attrs})
+        for name, size in dataset.sizes.items():
+            file.createDimension(name, None if name == along else size + spare.get(name, 0))
         for name, variable in dataset.variables.items():
             made = file.createVariable(name, variable.dtype, variable.dims)
             made.setncatts(variable.attrs)
-            made[:] = (
-                np.append(variable.values, [np.nan if name == "time" else 0] * room)
-                if "time" in variable.dims
-                else variable.values
-            )
+            empty = [np.nan if name in spare else 0] * sum(spare.get(d, 0) for d in variable.dims)
+            made[:] = np.append(variable.values, empty) if empty else variable.values

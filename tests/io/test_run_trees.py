@@ -84,9 +84,25 @@ def test_a_file_that_was_replaced_or_cut_is_told(tmp_path):
     with pytest.raises(lsm.InputError, match=r"grains\.nc: has become shorter since it was opened, open it again"):
         tree.grains.position.values  # noqa: B018
     path.rename(tmp_path / "former.nc")
+    with pytest.raises(lsm.InputError, match=r"grains\.nc: cannot be read any more \("):
+        tree.grains.velocity.values  # noqa: B018
     appended(path, 3)
     with pytest.raises(lsm.InputError, match=r"grains\.nc: was replaced since it was opened, open it again"):
         tree.grains.velocity.values  # noqa: B018
+
+
+def test_a_file_that_the_run_made_anew_goes_on_where_it_was(tmp_path):
+    """Its header is longer, so that the records lie elsewhere; those that the tree knows are the same."""
+    path = tmp_path / "grains.nc"
+    _, snapshot = appended(path, 3, "interrupted")
+    tree, size = lsm.open_run(tmp_path), path.stat().st_size
+    again = grains_writer(path, grains(3)[0], 3, keep=3)
+    again.append(3.0, {**snapshot, "stage": "resumed"})
+    assert path.stat().st_size > size
+    assert tree.grains.position.values == pytest.approx(snapshot["position"] + np.arange(3.0)[:, None, None])
+    grains_writer(path, grains(3)[0], 3, keep=2)
+    with pytest.raises(lsm.InputError, match="was replaced since it was opened"):
+        tree.grains.position.values  # noqa: B018
 
 
 CHOICES = (

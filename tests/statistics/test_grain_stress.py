@@ -44,6 +44,12 @@ def test_all_grains_together_carry_what_all_contacts_carry(dim):
         reach = 0.5 * diameter[ids] - 0.5 * depth
         np.add.at(by_hand, ids, reach[:, None, None] * force[:, :, None] * contacts.normal.values[:, None, :])
     assert found.stress.values == pytest.approx(by_hand / found.volume.values[:, None, None], rel=1e-9, abs=1e-3)
+    assert_equal = xarray.testing.assert_allclose
+    arm = (0.5 * diameter[contacts.first_id.values] - 0.5 * depth)[:, None] * contacts.normal.values
+    assert_equal(
+        grain_stress(grains, contacts=contacts.assign(arm=(("contact", "space"), arm), point=contacts.point + 9.9)),
+        found,
+    )
     assert found.contact_count.values.sum() == 2 * contacts.sizes["contact"]
 
 
