@@ -277,7 +277,8 @@ def test_the_picture_of_the_readme_shows_the_numbers_of_the_demo():
 
 README_OUTPUT = (  # what each Python block of the README prints, in their order
     r"^Energies\(kinetic 6296\.\d+ J, elastic 5831\.\d+ J, .*balance 5\d{4}\.\d+ J\)\n\[ *63245\.\d+ 328741\.\d+\]$",
-    r"^friction 0\.\d+ \+- 0\.\d+, 95 % interval 0\.\d+ to 0\.\d+ \(\d\d effective samples\)$",
+    r"^friction 0\.\d+ \+- 0\.\d+, 95 % interval 0\.\d+ to 0\.\d+ \(\d\d effective samples\)\n"
+    r"solid fraction \[0\.\d+ +0\.\d+ +0\.\d+ +0\.\d+ *\]$",
 )
 README_BLOCKS = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
 

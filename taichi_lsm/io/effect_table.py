@@ -79,7 +79,8 @@ def read_effects(dataset: "xarray.Dataset | xarray.DataTree") -> list[EffectPara
     InputError
         If it is no dataset, such as a path, or several runs together.
     """
-    dataset = part_of(dataset, "run") if hasattr(dataset, "children") else dataset
+    if hasattr(dataset, "children"):
+        dataset = part_of(dataset, "run")
     if not hasattr(dataset, "data_vars") or "run" in dataset.dims:
         raise InputError(
             f"read_effects: {type(dataset).__name__} of no single run, must be lsm.open_run(FOLDER/run.nc)"
@@ -90,4 +91,4 @@ def read_effects(dataset: "xarray.Dataset | xarray.DataTree") -> list[EffectPara
     wrong = [name for name in names if name not in dataset.variables or dataset[name].dims != (DIMENSION,)]
     if wrong or dataset[VALUE.name].dtype.kind != "f":
         raise InputError(f"read_effects: {', '.join(wrong) or VALUE.name} of the run, must be numbers and texts by row")
-    return [EffectParameter(*row) for row in zip(*(dataset[name].values.tolist() for name in names), strict=True)]
+    return [EffectParameter(*row) for row in zip(*(np.asarray(dataset[name]).tolist() for name in names), strict=True)]

@@ -124,7 +124,7 @@ def record_dataset(path: Path) -> "xarray.Dataset":
     for name, variable in empty.variables.items():
         if str(name) in layout.variables:
             lazy = RecordArray(path, head, str(name), variable.dtype, variable.shape[1:])
-            data = indexing.CopyOnWriteArray(indexing.LazilyIndexedArray(lazy))
+            data = indexing.CopyOnWriteArray(indexing.LazilyIndexedArray(lazy))  # pyright: ignore[reportArgumentType]
             variable = xarray.Variable(variable.dims, data, variable.attrs)
         variables[name] = variable
     return xarray.decode_cf(xarray.Dataset(variables, attrs=empty.attrs))

@@ -101,7 +101,7 @@ def pairs_within(cell: Cell, position: Array, reach: float) -> tuple[Integers, I
     InputError
         If the reach is not below the width of the cell along each periodic axis.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     edges, inverse = cell.reduced, np.linalg.inv(cell.reduced)
     width = 1.0 / np.linalg.norm(inverse, axis=1)  # between opposite sides
@@ -122,7 +122,7 @@ def pairs_within(cell: Cell, position: Array, reach: float) -> tuple[Integers, I
             rows.append(near)
             shifts.append(np.broadcast_to(beside, (near.size, beside.size)))
     row, shift = np.concatenate(rows), np.concatenate(shifts)
-    found = cKDTree(inside[row] + shift @ edges.T).query_pairs(reach, output_type="ndarray")
+    found = KDTree(inside[row] + shift @ edges.T).query_pairs(reach, output_type="ndarray")
     found = np.concatenate([found, found[:, ::-1]])
     found = found[found[:, 0] < len(position)]
     first, second = found[:, 0], row[found[:, 1]]

@@ -28,6 +28,7 @@ UNITS = {
     "solid_fraction": ("1", "share of the volume that mobile grains fill"),
     "shear_rate": ("s-1", "slope of the velocity along the shear over the height, within the slab"),
     "granular_temperature": ("m2 s-2", "mean square of the velocity relative to the slab, per direction"),
+    "platen_velocity": ("m s-1", "velocity of the lower and of the upper platen"),
     "stress": ("Pa", "stress, compression positive: force along space on a plane with its normal along plane"),
 }
 
@@ -168,7 +169,7 @@ def _add(sums: _Sums, now: "Dataset", bins: int | Array, contacts: "Run | None")
     sums.borders.append(slabs.borders)
     sums.room.append(slabs.extent * np.diff(slabs.borders))
     sums.solid.append((BALL[dim] * scale**dim) @ share)
-    w, y, v = share * now.mass.values[rows, None], y - sums.middle, flow - sums.flow
+    w, y, v = share * now.mass.values[rows, None], y - sums.middle, flow - np.asarray(sums.flow)
     moments = {
         "1": w.sum(axis=0),
         "y": y @ w,
@@ -206,14 +207,16 @@ def _slabs(now: "Dataset", cell: Cell, glued: npt.NDArray, there: npt.NDArray, b
             low = (y + reach)[lower].mean()
         if (upper := glued & (y > middle)).any():
             high = (y - reach)[upper].mean()
-        bins = np.linspace(low, high, bins + 1)
+        borders = np.linspace(low, high, bins + 1)
+    else:
+        borders = bins
     thickness = 1.0
     if place.shape[1] == 2 and "density" in now.variables:
         area = BALL[2] * now.shape_scale.values**2
         thickness = float(now.mass.sum() / (now["density"] * area.sum()))
     elif place.shape[1] == 2:
         thickness = np.nan
-    return _Slabs(bins, float(np.prod(widths)), thickness)
+    return _Slabs(borders, float(np.prod(widths)), thickness)
 
 
 def _with_images(cell: Cell, position: Array, velocity: Array) -> tuple[npt.NDArray, Array, Array]:
@@ -281,14 +284,13 @@ def _dataset(sums: _Sums) -> "Dataset":
     if sums.contact_stress:
         kinetic = np.nan_to_num(covariance) * (mass / (room * sums.thickness))[:, None, None]
         found["stress"] = (("height", "space", "plane"), np.mean(sums.contact_stress, axis=0) + kinetic)
+    if sums.platens:
+        platens = np.mean(sums.platens, axis=0)
+        found["platen_velocity"] = (("platen", "space"), platens)
     data = {
         name: (dims, values, dict(zip(("units", "long_name"), UNITS[name], strict=True)))
         for name, (dims, values) in found.items()
     }
-    if sums.platens:
-        platens = np.mean(sums.platens, axis=0)
-        about = {"units": "m s-1", "long_name": "velocity of the lower and of the upper platen"}
-        data["platen_velocity"] = (("platen", "space"), platens, about)
     middle = 0.5 * (borders[1:] + borders[:-1])
     coordinates = {
         "height": ("height", middle, {"units": "m", "long_name": "middle of the slab"}),

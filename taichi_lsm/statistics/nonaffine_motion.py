@@ -77,8 +77,8 @@ def d2min(grains: "Run", first: float, last: float | None = None, cutoff: float 
     there = np.flatnonzero(np.isfinite(position[0]).all(axis=1) & np.isfinite(position[1]).all(axis=1))
     cells = cell_of(before), cell_of(after)
     k, l, image = pairs_within(cells[0], position[0][there], reach)
-    between = [x[there][l] - x[there][k] + image @ c.edges.T for x, c in zip(position, cells, strict=True)]
-    found, gradient = _fit(k, *between, len(there))
+    vectors = [x[there][l] - x[there][k] + image @ c.edges.T for x, c in zip(position, cells, strict=True)]
+    found, gradient = _fit(k, vectors[0], vectors[1], len(there))
     count = np.bincount(k, minlength=len(there))
     return xarray.Dataset(
         {
@@ -130,7 +130,8 @@ def _fit(k: npt.NDArray, before: Array, after: Array, count: int) -> tuple[Array
         """Sum over the neighbours of each grain."""
         inner = values.shape[1:]
         columns = values.reshape(len(values), int(np.prod(inner))).T
-        return np.stack([np.bincount(k, column, count) for column in columns], axis=1).reshape(count, *inner)
+        sums = np.stack([np.bincount(k, column, count) for column in columns], axis=1).reshape(count, *inner)
+        return sums.astype(np.float64)
 
     now, then = (total(x[:, :, None] * before[:, None, :]) for x in (after, before))
     moments = np.linalg.eigvalsh(then)

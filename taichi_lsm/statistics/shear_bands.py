@@ -157,7 +157,7 @@ def _of_profiles(
         return np.asarray(profiles.height, float)[there], along[there], whole or None
     if velocity is None:
         raise InputError("velocity: None, must be the velocity at each height, or give lsm.profiles alone")
-    return height, velocity, None
+    return height, velocity, None  # pyright: ignore[reportReturnType]
 
 
 def _change_and_centre(

@@ -15,7 +15,7 @@ BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 LENGTH, SIZE, ROWS = 6e-3, 1e-3, 13
 PRINTED = (
     r"\['contacts', 'grains', 'run'\] complete\n3 2\.25",
-    r"\[( *[\d.-]+){8}\]\nTrue 0\.\d+",
+    r"\[( *[\d.-]+){8} *\]\nTrue 0\.\d+",
     r"0\.00[456]\d* 1\.0",
     r"1\d\d \[\[0\.\d+, -?0\.\d+\], \[-?0\.\d+, 0\.\d+\]\] 36",
     r"\[[\d ]+\] \d+ \d+",
