@@ -116,8 +116,6 @@ def fabric(contacts: "Run", time: float | None = None, bins: int = 36) -> Fabric
         If a variable is missing, the space is not of 2 or 3 dimensions, there are fewer contacts than 4, values are not
         finite, or the contacts carry no compression.
     """
-    if isinstance(bins, bool) or not isinstance(bins, int | np.integer) or bins < 2 or bins % 2:
-        raise InputError(f"bins = {shown(bins)}: must be an even number >= 2")
     n, normal_force, tangential, branch = _checked(_between_grains(contacts, time))
     count, dim = n.shape
     stress = _mean(normal_force[:, None] * n + tangential, branch)
@@ -135,8 +133,7 @@ def fabric(contacts: "Run", time: float | None = None, bins: int = 36) -> Fabric
         _deviator(_mean(n, branch)) - _deviator(_mean(along[:, None] * n, n)),
     )
     # In the direction of the stress the parts add up as numbers; what lies across it changes the direction alone.
-    deviator = _deviator(stress)
-    size = math.sqrt(float(np.sum(deviator**2)))
+    size = float(np.linalg.norm(deviator := _deviator(stress)))
     direction = deviator / size if size > 0.0 else np.zeros_like(deviator)
     factor = AMPLITUDE[dim] * math.sqrt(NORM[dim])
     a_c, a_n, a_t, a_l, a_b = (factor * float(np.sum(part * direction)) for part in parts)
@@ -155,7 +152,7 @@ def fabric(contacts: "Run", time: float | None = None, bins: int = 36) -> Fabric
         normal_forces,
         forces,
         _greatest(normal_forces),
-        _rose(n, normal_force, tangential, int(bins)) if dim == 2 else None,
+        _rose(n, normal_force, tangential, bins) if dim == 2 else None,
     )
 
 
@@ -176,6 +173,8 @@ def _rose(n: Array, normal_force: Array, tangential: Array, bins: int) -> "Datas
     """Contacts and mean forces by the angle of their normals, see `Fabric`."""
     import xarray
 
+    if isinstance(bins, bool) or not isinstance(bins, int | np.integer) or bins < 2 or bins % 2:
+        raise InputError(f"bins = {shown(bins)}: must be an even number >= 2")
     borders = np.linspace(-np.pi, np.pi, bins + 1)
     across = tangential[:, 1] * n[:, 0] - tangential[:, 0] * n[:, 1]
     # The other normal of a contact, of the first grain: there force and direction are both opposite.

@@ -64,35 +64,40 @@ def force_chains(
     ----------
     Peters, Muthuswamy, Wibowo & Tordesillas (2005), doi:10.1103/PhysRevE.72.041307.
     """
+    _check(angle, least)
+    grains, moment = at_one_instant(run, time, contacts)
+    found = grain_stress(grains, contacts=moment)
+    major, direction, mean = _major(found.stress.values, found.glued.values)
+    first, second = (np.asarray(moment[f"{which}_id"]).astype(np.int64) for which in ("first", "second"))
+    strong = np.nan_to_num(major) > mean
+    links = _links(first, second, np.asarray(moment.branch, float), direction, strong, math.cos(angle))
+    chain, sizes = _chains(links, len(major), int(least))
+    of_contacts = _of_contacts(first, second, links, chain)
+    columns = {
+        "chain": ("grain", chain, "1", "number of the force chain, -1 for none"),
+        "major_stress": ("grain", major, "Pa", "major principal stress, compression"),
+        "direction": (("grain", "space"), direction, "1", "direction of the major stress"),
+        "contact_chain": ("contact", of_contacts, "1", "force chain of which the contact is a link, -1 for none"),
+        "chain_size": ("chain_number", sizes, "1", "number of grains of the chain"),
+        "mean_stress": ((), mean, "Pa", "mean of the major principal stresses"),
+    }
+    named = {n: (dims, v, {"units": u, "long_name": text}) for n, (dims, v, u, text) in columns.items()}
+    return found.assign(named).assign_attrs(title="Force chains")
+
+
+def _check(angle: float, least: int) -> None:
+    """InputError for an angle or a number of grains out of range."""
     if not (finite(angle) and 0.0 < angle < 0.5 * math.pi):
         raise InputError(f"angle = {shown(angle)}: must be > 0 and < pi/2 rad")
     if isinstance(least, bool) or not isinstance(least, int | np.integer) or least < 2:
         raise InputError(f"least = {shown(least)}: must be an integer >= 2, of grains in a chain")
-    grains, moment = at_one_instant(run, time, contacts)
-    found = grain_stress(grains, contacts=moment)
-    tensor, glued = found.stress.values, found.glued.values
+
+
+def _major(tensor: Array, glued: npt.NDArray[np.bool_]) -> tuple[Array, Array, float]:
+    """Major principal stresses (n,), their directions (n, D), and their mean over the mobile grains."""
     values, vectors = np.linalg.eigh(np.where(glued[:, None, None], 0.0, 0.5 * (tensor + tensor.swapaxes(1, 2))))
-    major, direction = np.where(glued, np.nan, values[:, -1]), vectors[:, :, -1]
-    mean = float(major[~glued].mean()) if (~glued).any() else math.nan
-    strong = np.nan_to_num(major) > mean
-    first, second = (np.asarray(moment[f"{which}_id"]).astype(np.int64) for which in ("first", "second"))
-    branch = np.asarray(moment.branch, float)
-    links = _links(first, second, branch, direction, strong, math.cos(angle))
-    chain, sizes = _chains(links, len(major), int(least))
-    return found.assign(
-        {
-            "chain": ("grain", chain, {"units": "1", "long_name": "number of the force chain, -1 for none"}),
-            "major_stress": ("grain", major, {"units": "Pa", "long_name": "major principal stress, compression"}),
-            "direction": (("grain", "space"), direction, {"units": "1", "long_name": "direction of the major stress"}),
-            "contact_chain": (
-                "contact",
-                _of_contacts(first, second, links, chain),
-                {"units": "1", "long_name": "force chain of which the contact is a link, -1 for none"},
-            ),
-            "chain_size": ("chain_number", sizes, {"units": "1", "long_name": "number of grains of the chain"}),
-            "mean_stress": ((), mean, {"units": "Pa", "long_name": "mean of the major principal stresses"}),
-        }
-    ).assign_attrs(title="Force chains")
+    major = np.where(glued, np.nan, values[:, -1])
+    return major, vectors[:, :, -1], float(major[~glued].mean()) if (~glued).any() else math.nan
 
 
 def _links(

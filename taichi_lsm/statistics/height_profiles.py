@@ -69,8 +69,9 @@ def profiles(
     xarray.Dataset
         Along height [m], the middle of each slab: velocity (height, space), angular_velocity where grains rotate,
         solid_fraction, shear_rate, granular_temperature; stress (height, space, plane) where contacts of the same
-        instants are known. Slabs without a grain have nan. With platens platen_velocity (platen, space), of the lower
-        and of the upper one. Grains glued to platens are left out of all but the contacts.
+        instants are known: [:, 1, 1] is the normal stress, and minus [:, 0, 1] the shear stress of run.nc. Slabs
+        without a grain have nan. With platens platen_velocity (platen, space), of the lower and of the upper one.
+        Grains glued to platens are left out of all but the contacts.
 
     Raises
     ------

@@ -59,9 +59,23 @@ def d2min(grains: "Run", first: float, last: float | None = None, cutoff: float 
     ----------
     Falk & Langer (1998), doi:10.1103/PhysRevE.57.7192, eq. 2.11 to 2.14.
     """
-    import xarray
-
     dataset = part_of(grains, "grains", ("position", "shape_scale", "time"))
+    before, after = _two_snapshots(dataset, first, last)
+    scale, glued = before.shape_scale.values, _glued(before)
+    reach = REACH * float(scale[~glued].mean() if not glued.all() else scale.mean()) if cutoff is None else cutoff
+    position = before.position.values, after.position.values
+    there = np.flatnonzero(np.isfinite(position[0]).all(axis=1) & np.isfinite(position[1]).all(axis=1))
+    cells = cell_of(before), cell_of(after)
+    k, l, image = pairs_within(cells[0], position[0][there], reach)
+    vectors = [x[there][l] - x[there][k] + image @ c.edges.T for x, c in zip(position, cells, strict=True)]
+    found, gradient = _fit(k, vectors[0], vectors[1], len(there))
+    columns = [_spread(values, there, len(scale)) for values in (found, np.bincount(k, minlength=len(there)), gradient)]
+    times = {"first_time": (float(before.time), "first"), "last_time": (float(after.time), "second")}
+    return _dataset(columns, glued, float(reach), times)
+
+
+def _two_snapshots(dataset: "Dataset", first: float, last: float | None) -> "tuple[Dataset, Dataset]":
+    """The snapshots nearest to two times, in memory."""
     if "time" not in dataset.dims:
         raise InputError("grains: is one snapshot, must have two for a displacement")
     places = [nearest(dataset.time, time, "snapshot") for time in (first, last)]
@@ -71,34 +85,30 @@ def d2min(grains: "Run", first: float, last: float | None = None, cutoff: float 
             f"first, last: the nearest snapshots are those of {float(before.time):g} and {float(after.time):g} s, "
             "the first must be before the second"
         )
-    scale, glued = before.shape_scale.values, _glued(before)
-    reach = REACH * float(scale[~glued].mean() if not glued.all() else scale.mean()) if cutoff is None else cutoff
-    position = before.position.values, after.position.values
-    there = np.flatnonzero(np.isfinite(position[0]).all(axis=1) & np.isfinite(position[1]).all(axis=1))
-    cells = cell_of(before), cell_of(after)
-    k, l, image = pairs_within(cells[0], position[0][there], reach)
-    vectors = [x[there][l] - x[there][k] + image @ c.edges.T for x, c in zip(position, cells, strict=True)]
-    found, gradient = _fit(k, vectors[0], vectors[1], len(there))
-    count = np.bincount(k, minlength=len(there))
+    return before, after
+
+
+def _dataset(
+    columns: list[npt.NDArray], glued: npt.NDArray[np.bool_], reach: float, times: dict[str, tuple[float, str]]
+) -> "Dataset":
+    """What `d2min` gives: columns d2min, neighbour_count and deformation_gradient of all grains."""
+    import xarray
+
+    found, count, gradient = columns
+    gradient_dims = ("grain", "space", "reference")
     return xarray.Dataset(
         {
-            "d2min": ("grain", _spread(found, there, len(scale)), _described("m2", "D2min, sum over neighbours")),
-            "neighbour_count": (
-                "grain",
-                _spread(count, there, len(scale)),
-                _described("1", "neighbours within the cutoff"),
-            ),
-            "deformation_gradient": (
-                ("grain", "space", "reference"),
-                _spread(gradient, there, len(scale)),
-                _described("1", "best linear map of the vectors to the neighbours"),
-            ),
+            "d2min": ("grain", found, _described("m2", "D2min, sum over neighbours")),
+            "neighbour_count": ("grain", count, _described("1", "neighbours within the cutoff")),
+            "deformation_gradient": (gradient_dims, gradient, _described("1", "best map of the vectors to neighbours")),
             "glued": ("grain", glued, {"long_name": "whether the grain is glued to a platen"}),
         },
         {
-            "first_time": ((), float(before.time), _described("s", "time of the first snapshot")),
-            "last_time": ((), float(after.time), _described("s", "time of the second snapshot")),
-            "cutoff": ((), float(reach), _described("m", "distance within which grains are neighbours")),
+            **{
+                name: ((), time, _described("s", f"time of the {which} snapshot"))
+                for name, (time, which) in times.items()
+            },
+            "cutoff": ((), reach, _described("m", "distance within which grains are neighbours")),
         },
         {"title": "Non-affine motion between two snapshots"},
     )

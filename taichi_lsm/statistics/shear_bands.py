@@ -120,9 +120,7 @@ def shear_band(
     rising("height", y)
     if form not in TENTHS:
         raise InputError(f"form: {form!r}, must be one of {', '.join(TENTHS)}")
-    sigma = None if errors is None else series("errors", errors, LEAST_HEIGHTS, v.size)
-    if sigma is not None and not np.all(sigma > 0):
-        raise InputError(f"errors: {sigma.min():g}, must be > 0 m/s; leave errors out where they are not known")
+    sigma = None if errors is None else _positive(errors, v.size)
     span = float(y[-1] - y[0])
     shape, start = _starts(y, v, span)[form]
     try:
@@ -136,9 +134,23 @@ def shear_band(
         width = Estimate(width.mean, math.nan, v.size, student, "the profile is nearly straight: shear fills the layer")
     change, centre = _change_and_centre(form, y, found, deviations, student)
     chi_square = math.nan if sigma is None else float(np.sum(((v - shape(y, *found)) / sigma) ** 2))
-    whole = float(v[-1] - v[0]) if whole is None else whole
-    share = Estimate(change.mean / whole, change.standard_error / abs(whole), v.size, student) if whole else NO_SHARE
+    share = _share(change, float(v[-1] - v[0]) if whole is None else whole)
     return ShearBand(width, centre, change, chi_square, freedom, form, share)
+
+
+def _positive(errors: npt.ArrayLike, size: int) -> Array:
+    """Errors (n,) > 0."""
+    sigma = series("errors", errors, LEAST_HEIGHTS, size)
+    if not np.all(sigma > 0):
+        raise InputError(f"errors: {sigma.min():g}, must be > 0 m/s; leave errors out where they are not known")
+    return sigma
+
+
+def _share(change: Estimate, whole: float) -> Estimate:
+    """A change over the whole one."""
+    if whole == 0.0:
+        return NO_SHARE
+    return change._replace(mean=change.mean / whole, standard_error=change.standard_error / abs(whole))
 
 
 def _of_profiles(
