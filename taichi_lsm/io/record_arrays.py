@@ -4,6 +4,7 @@ No file stays open, nothing is locked and nothing is kept: each use opens the fi
 for, of those that were counted when the dataset was made, and closes it. A run may append to the file meanwhile.
 """
 
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,9 @@ class RecordArray(BackendArray):
         names = list(layout.variables)
         self.offset = sum(layout.variables[before] for before in names[: names.index(name)])
         self.dtype, self.shape = np.dtype(dtype), (layout.count, *inner)
+        self.width = self.dtype.itemsize * math.prod(inner)  # bytes in a record
+        if not 0 <= layout.variables[name] - self.width < 4:
+            raise ValueError(f"its header is damaged ({name}: {layout.variables[name]} bytes for {self.width})")
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
         return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._read)
@@ -78,8 +82,7 @@ class RecordArray(BackendArray):
 
     def _values(self, file: int, records: range) -> npt.NDArray:
         """Values of records of the open file."""
-        start, size = self.head.layout.start, self.record_size
-        width = self.dtype.itemsize * int(np.prod(self.shape[1:], dtype=np.int64))
+        start, size, width = self.head.layout.start, self.record_size, self.width
         found = np.empty((len(records), width), np.uint8)
         if size > SMALL_RECORD:
             for row, number in zip(found, records, strict=True):

@@ -105,6 +105,19 @@ def test_a_file_that_the_run_made_anew_goes_on_where_it_was(tmp_path):
         tree.grains.position.values  # noqa: B018
 
 
+def test_a_header_whose_sizes_disagree_is_refused(tmp_path):
+    """The size of a variable stands in the header twice, by its dimensions and in bytes: 5 grains of 3 values of 8."""
+    path = tmp_path / "grains.nc"
+    appended(path, 2, "complete")
+    whole = path.read_bytes()
+    at = whole.index(b"grain\0\0\0\0\0\0\x05") + 8  # the length of the dimension
+    path.write_bytes(whole[:at] + b"\0\0\0\x04" + whole[at + 4 :])
+    with pytest.raises(
+        lsm.InputError, match=r"grains\.nc: cannot be read \(its header is damaged \(position: 120 bytes for 96"
+    ):
+        lsm.open_run(tmp_path)
+
+
 CHOICES = (
     {"time": 1},
     {"time": slice(None, None, -2), "grain": [3, 0]},
