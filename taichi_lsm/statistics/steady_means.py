@@ -220,7 +220,7 @@ def _samples(series: "DataArray", from_strain: float) -> npt.NDArray[np.float64]
     """Values of the series from this strain on, as float64; see `steady_state` for what is refused."""
     if not hasattr(series, "coords"):
         raise InputError(
-            f"series: {type(series).__name__}, must be an xarray.DataArray such as open_run(path).friction"
+            f"series: {type(series).__name__}, must be an xarray.DataArray such as open_run(folder).run.friction"
         )
     name = series.name or "series"
     if series.dims != ("time",):

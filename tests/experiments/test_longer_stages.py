@@ -79,7 +79,7 @@ def test_more_repetitions_then_more_stages_and_a_longer_last_one_give_the_bits_o
     longer.write_text(to_toml(params(LONGER, keep_checkpoint=True), "shear-gouge"))
     assert main(["resume", str(out), "--config", str(longer), "--keep-checkpoint", "--quiet"]) == 0
     assert different(out, whole) == []
-    assert np.count_nonzero(np.diff(shear_gouge.lsm.open_run(out).stage_index)) == 9
+    assert np.count_nonzero(np.diff(shear_gouge.lsm.open_run(out).run.stage_index)) == 9
 
 
 @pytest.mark.parametrize(
