@@ -2,9 +2,10 @@
 
 The file is one of the classic format with 64-bit offsets (CDF-2): a header, the variables of fixed size, then the
 records one behind the other. A record holds one value, or one array, of every variable whose first dimension is
-unlimited. The header counts the records; what lies behind the last counted one does not exist for a reader. So a record
-is written behind the end, brought to the disk, and then counted, by writing four bytes. A process that is killed at any
-instant leaves a file with the records counted so far, and an append costs the same however many there are. The netCDF
+unlimited. The header counts the records; what lies behind the last counted one does not exist for a reader. So
+records are written behind the end, brought to the disk, and then counted, by writing four bytes. A process that is
+killed at any instant leaves a file with the records counted so far, and an append costs the same however many there
+are. Bringing bytes to the disk takes milliseconds: many appends may share it (`RecordAppender`). The netCDF
 library composes what precedes the records; it does not append them, because it leaves open what reaches the disk first.
 
 Format: NetCDF Classic Format Specification, docs.unidata.ucar.edu/netcdf-c/current/file_format_specifications.html
@@ -14,6 +15,7 @@ import io
 import math
 import os
 import struct
+import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -34,6 +36,8 @@ FORMAT: FileFormat = "NETCDF3_64BIT_OFFSET"
 MAGIC = b"CDF\x02"
 COUNT_AT = 4  # byte at which the header counts the records
 LARGEST = 2**32 - 4  # bytes of one variable, in one record if it has them
+COPIED = 2**22  # bytes of records that are copied at a time, or one record if it is larger
+SPARE = 200.0  # times as long as a flush took until the next one, where appends share them: they take 0.5 % of the time
 TEXT = 2  # number of the type of characters
 WIDTHS = {1: 1, TEXT: 1, 3: 2, 4: 4, 5: 4, 6: 8}  # bytes of a value by the number of its type
 
@@ -50,6 +54,8 @@ class RecordLayout:
         Byte at which the records begin; bytes of each, 0 if there are none.
     variables
         {name: bytes in a record, a multiple of 4}, in the order of the file.
+    fixed
+        {variable of fixed size: byte at which it begins}.
     texts
         {global attribute of text: (byte at which it begins, bytes)}.
     """
@@ -59,6 +65,7 @@ class RecordLayout:
     start: int
     size: int
     variables: dict[str, int]
+    fixed: dict[str, int]
     texts: dict[str, tuple[int, int]]
 
     @property
@@ -152,7 +159,7 @@ def create_record_file(
     texts
         Global attributes that `replace_texts` will replace; `fill` gives them the longest value that they will have.
     records
-        Whole records to begin with, as another file of the same layout holds them.
+        Whole records to begin with, one or many in each piece, as another file of the same layout holds them.
 
     Raises
     ------
@@ -171,7 +178,7 @@ def create_record_file(
         file.write(image[: layout.start])
         for record in records:
             file.write(record)
-            count += 1
+            count += len(record) // layout.size
         file.seek(COUNT_AT)
         file.write(struct.pack(">I", count))
     return replace(layout, count=count, whole=count)
@@ -192,27 +199,116 @@ def append_record(path: Path, layout: RecordLayout, arrays: Mapping[str, npt.NDA
     SimulationError
         If it cannot be written, or the file is not the one that was left here; it then holds the records it held.
     """
-    parts = [_on_file(name, arrays[name], size) for name, size in layout.variables.items()]
+    appender = RecordAppender(path, layout)
+    appender.append(record_bytes(layout, arrays))
+    appender.flush()
+    return appender.layout
+
+
+def record_bytes(layout: RecordLayout, arrays: Mapping[str, npt.NDArray]) -> list[bytes]:
+    """One record as it lies on file, in parts; arrays: see `append_record`."""
+    return [_on_file(name, arrays[name], size) for name, size in layout.variables.items()]
+
+
+class RecordAppender:
+    """Writes records behind those that a file counts, and counts them once they lie on the disk.
+
+    Parameters
+    ----------
+    path, layout
+        The file and its present layout.
+    shares
+        Whether appends share their way to the disk: `due` then says no until SPARE times as long as it took has passed.
+
+    Attributes
+    ----------
+    layout
+        The present one, with what is counted.
+    pending
+        Records that are written and not yet counted: what a kill loses.
+    """
+
+    def __init__(self, path: Path, layout: RecordLayout, shares: bool = False) -> None:
+        self.path, self.layout, self.pending = path, layout, 0
+        self._shares, self._flushed, self._took = shares, -math.inf, 0.0
+
+    def append(self, parts: Iterable[bytes], count: int = 1) -> None:
+        """Write `count` whole records.
+
+        Raises
+        ------
+        SimulationError
+            If they cannot be written, or the file is not the one that was left here; it then holds what it held.
+        """
+        end = self.layout.end + self.pending * self.layout.size
+        with failures_named(self.path), open(self.path, "rb+", buffering=0) as file:
+            file.seek(COUNT_AT)
+            if file.read(4) != struct.pack(">I", self.layout.count):
+                raise SimulationError(f"{self.path}: was changed by another process; nothing can be appended")
+            try:
+                _write_at(file, end, parts)
+            except BaseException:
+                with suppress(OSError):
+                    file.truncate(end)
+                raise
+        self.pending += count
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time to flush."""
+        return not self._shares or time.monotonic() - self._flushed >= SPARE * self._took
+
+    def flush(self) -> None:
+        """Bring what is written to the disk, then count it.
+
+        Raises
+        ------
+        SimulationError
+            If that fails; the file then counts the records that it counted.
+        """
+        if not self.pending:
+            return
+        began, count = time.monotonic(), self.layout.count + self.pending
+        with failures_named(self.path), open(self.path, "rb+", buffering=0) as file:
+            os.fsync(file.fileno())
+            _write_at(file, COUNT_AT, [struct.pack(">I", count)])
+            os.fsync(file.fileno())
+        self.layout, self.pending = replace(self.layout, count=count, whole=count), 0
+        self._flushed = time.monotonic()
+        self._took = self._flushed - began
+
+
+def write_entries(path: Path, layout: RecordLayout, first: int, arrays: Mapping[str, npt.NDArray]) -> None:
+    """Write entries of variables of fixed size, in the order of `arrays`, and bring them to the disk.
+
+    Parameters
+    ----------
+    path, layout
+        The file and its layout.
+    first
+        Index of the first entry along their first dimension.
+    arrays
+        {name: entries (m, ...)}, of the types on file.
+
+    Raises
+    ------
+    SimulationError
+        If they cannot be written.
+    """
     with failures_named(path), open(path, "rb+", buffering=0) as file:
-        file.seek(COUNT_AT)
-        if file.read(4) != struct.pack(">I", layout.count):
-            raise SimulationError(f"{path}: was changed by another process; no snapshot can be appended")
-        try:
-            _write_at(file, layout.end, parts)
-        except BaseException:
-            with suppress(OSError):
-                file.truncate(layout.end)
-            raise
-        _write_at(file, COUNT_AT, [struct.pack(">I", layout.count + 1)])
-    return replace(layout, count=layout.count + 1, whole=layout.count + 1)
+        for name, array in arrays.items():
+            data = np.ascontiguousarray(array, array.dtype.newbyteorder(">")).tobytes()
+            _write_at(file, layout.fixed[name] + first * (len(data) // len(array)), [data])
+        os.fsync(file.fileno())
 
 
 def read_records(path: Path, layout: RecordLayout, count: int) -> Iterable[bytes]:
-    """The first `count` records, one after the other, as bytes."""
+    """The first `count` records as bytes, in pieces of one or many."""
+    many = max(1, COPIED // layout.size)
     with open(path, "rb") as file:
         file.seek(layout.start)
-        for _ in range(count):
-            yield file.read(layout.size)
+        for first in range(0, count, many):
+            yield file.read(min(many, count - first) * layout.size)
 
 
 def replace_texts(path: Path, layout: RecordLayout, texts: Mapping[str, str]) -> None:
@@ -227,6 +323,7 @@ def replace_texts(path: Path, layout: RecordLayout, texts: Mapping[str, str]) ->
         for name, text in texts.items():
             start, room = layout.texts[name]
             _write_at(file, start, [_in_room(name, text, room)])
+        os.fsync(file.fileno())
 
 
 def _in_room(name: str, text: str, room: int) -> bytes:
@@ -246,13 +343,12 @@ def _on_file(name: str, array: npt.NDArray, size: int) -> bytes:
 
 
 def _write_at(file: io.FileIO, start: int, parts: Iterable[bytes]) -> None:
-    """Write bytes to an unbuffered file and wait until they are on the disk; a write may take less than it is given."""
+    """Write bytes to an unbuffered file; a write may take less than it is given."""
     file.seek(start)
     for part in parts:
         rest = memoryview(part)
         while rest:
             rest = rest[file.write(rest) :]
-    os.fsync(file.fileno())
 
 
 class _Header:
@@ -270,7 +366,7 @@ class _Header:
         count = self._number()
         lengths = [(self._name(), self._number())[1] for _ in self._list()]
         texts = dict(self._attributes())
-        variables, ends = [], []
+        variables, fixed, ends = [], {}, []
         for _ in self._list():
             name = self._name()
             dims = [self._number() for _ in range(self._number())]
@@ -281,6 +377,7 @@ class _Header:
                 variables.append((begin, name, stated))
             else:
                 values = math.prod(lengths[d] for d in dims)
+                fixed[name] = begin
                 ends.append(begin + _rounded(width * values))
         ends.append(self.file.tell())
         variables.sort()
@@ -292,7 +389,7 @@ class _Header:
         if length < max(start, *ends):
             raise ValueError("it is truncated")
         whole = min(count, (length - start) // size) if size else count
-        return RecordLayout(count, whole, start, size, {v[1]: v[2] for v in variables}, texts)
+        return RecordLayout(count, whole, start, size, {v[1]: v[2] for v in variables}, fixed, texts)
 
     def _bytes(self, size: int) -> bytes:
         if size > self.length - self.file.tell():  # before anything is allocated

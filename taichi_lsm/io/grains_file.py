@@ -18,21 +18,22 @@ from ..core.errors import InputError
 from ..core.record_netcdf import (
     FORMAT,
     LARGEST,
-    append_record,
+    RecordAppender,
     create_record_file,
     is_record_file,
     layout_of,
     read_layout,
     read_records,
+    record_bytes,
     replace_texts,
 )
 from ..core.schema import Variable
 from .global_attributes import RUN_STATUS, require_status, set_global_attributes, utc_now
 from .netcdf_variables import (
+    TEXT_ROOM,
     Scalar,
     characters,
     checked_array,
-    checked_text,
     netcdf_type,
     put_labels,
     put_scalars,
@@ -42,6 +43,7 @@ from .netcdf_variables import (
     require_known,
     require_names,
     rows_by_name,
+    text_in_room,
 )
 from .resumed_file import REMEDY, opened, require_count, require_rows, require_same_declaration, resumed_attributes
 
@@ -61,7 +63,6 @@ COMMENT = (
 INTACT = {"flag_values": [0, 1], "flag_meanings": ["broken", "intact"]}
 KIND = {"flag_values": [0, 1], "flag_meanings": ["mobile", "glued"]}
 STATIC_DIMS = ("grain", "space", "quaternion", "shape", "patch")
-TEXT_ROOM = 64  # bytes that a text along time has
 LONGEST_STATUS = max(RUN_STATUS, key=len)  # keeps the room for the others
 
 
@@ -117,7 +118,7 @@ def snapshot_rows(dim: int, rotates: bool = True, oriented: bool = True, bonded:
 
 
 class GrainsWriter:
-    """Snapshots of all grains, each of which is on the disk when `append` returns.
+    """Snapshots of all grains, each of which is on the disk when `append` returns, unless `shares` is set.
 
     Parameters
     ----------
@@ -147,6 +148,9 @@ class GrainsWriter:
         None makes a new file. A number takes over the file at `path`, which a former process wrote with the same
         declaration: its first `keep` snapshots stay, later ones are dropped, and its date_created, id and history are
         kept. The parameters (`scalars`) and other attributes are those given here.
+    shares
+        Snapshots that follow each other fast share their way to the disk (`core.record_netcdf.RecordAppender`): a kill
+        loses those since the last `flush`, which takes place by itself every few seconds.
 
     Raises
     ------
@@ -170,6 +174,7 @@ class GrainsWriter:
         text: Mapping[str, str] | None = None,
         scalars: Sequence[Scalar] = (),
         keep: int | None = None,
+        shares: bool = False,
     ) -> None:
         self.path = Path(path)
         self.text, self.scalars = dict(text or {}), tuple(scalars)
@@ -198,7 +203,8 @@ class GrainsWriter:
         self._require_sizes()
         self._last_time = -np.inf
         records = () if keep is None else self._kept_records(keep)
-        self._layout = create_record_file(self.path, self._fill, {"run_status": self.run_status}, records)
+        layout = create_record_file(self.path, self._fill, {"run_status": self.run_status}, records)
+        self._records = RecordAppender(self.path, layout, shares)
 
     @staticmethod
     def _in_time(variable: Variable) -> Variable:
@@ -297,16 +303,23 @@ class GrainsWriter:
             name: checked_array(v, arrays[name], self._shape(v.dims[1:]), self.precision)
             for name, v in self.variables.items()
         }
-        texts = {name: _characters(name, arrays[name]) for name in self.text}
+        texts = {name: characters(np.array(text_in_room(name, arrays[name]), object), TEXT_ROOM) for name in self.text}
         record = {"time": np.float64(time), **checked, **texts}
-        self._layout = append_record(self.path, self._layout, record)
+        self._records.append(record_bytes(self._records.layout, record))
         self._last_time = float(time)
+        if self._records.due:
+            self.flush()
+
+    def flush(self) -> None:
+        """Bring all snapshots to the disk."""
+        self._records.flush()
 
     def close(self, run_status: str) -> None:
         """Write the final run_status: complete, failed or interrupted. It has its room in the file, and costs none."""
         require_status(run_status, RUN_STATUS[1:])
         self.run_status = run_status
-        replace_texts(self.path, self._layout, {"run_status": run_status, "date_modified": utc_now()})
+        self.flush()
+        replace_texts(self.path, self._records.layout, {"run_status": run_status, "date_modified": utc_now()})
 
     def _fill(self, dataset: "netCDF4.Dataset") -> None:
         """Write what does not change, and declare the rest."""
@@ -329,11 +342,3 @@ class GrainsWriter:
             put_variable(dataset, variable, none, self.extra.get(name), () if name in in_time else labels)
         for name, variable in self.static_variables.items():
             put_variable(dataset, variable, self.static[name], self.extra.get(name), labels)
-
-
-def _characters(name: str, text: Any) -> npt.NDArray:
-    """A text along time as it lies in a record; InputError if it is none, or too long."""
-    size = len(checked_text(name, text).encode())
-    if size > TEXT_ROOM:
-        raise InputError(f"{name}: {text!r} has {size} bytes, must have at most {TEXT_ROOM}")
-    return characters(np.array(text, dtype=object), TEXT_ROOM)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import netCDF4
 
 TIME = Variable("time", ("time",), "f64", "s", "elapsed model time")
+TEXT_ROOM = 64  # bytes that a text along time has in a file that grows
 COMPRESS_FROM = 1000  # values; below it a chunk's overhead outweighs what compression saves
 CHUNK_VALUES = 2**17  # at most 1 MiB, so that one snapshot is read without the others
 
@@ -81,7 +82,8 @@ def require_known(what: str, names: Iterable[str], allowed: Iterable[str]) -> No
 
 def netcdf_type(variable: Variable, precision: str = "f64") -> np.dtype:
     """NumPy dtype of a row on file; "real" follows `precision` (f64 or f32)."""
-    return np.dtype({"i32": "i4", "f64": "f8", "real": {"f64": "f8", "f32": "f4"}[precision]}[variable.dtype])
+    real = {"f64": "f8", "f32": "f4"}[precision]
+    return np.dtype({"i8": "i1", "i32": "i4", "f64": "f8", "real": real}[variable.dtype])
 
 
 def checked_array(
@@ -95,12 +97,13 @@ def checked_array(
         raise InputError(f"{variable.name}: {error}") from None
     if array.shape != shape:
         raise InputError(f"{variable.name}: shape {array.shape}, allowed is {shape} {variable.dims}")
-    if array.dtype.kind not in ("iub" if variable.dtype == "i32" else "iubf"):
+    whole = variable.dtype in ("i8", "i32")
+    if array.dtype.kind not in ("iub" if whole else "iubf"):
         raise InputError(f"{variable.name}: values of type {array.dtype}, declared is {variable.dtype}")
-    if variable.dtype == "i32" and array.size:
-        limits = np.iinfo(np.int32)
+    if whole and array.size:
+        limits = np.iinfo(netcdf_type(variable))
         if array.min() < limits.min or array.max() > limits.max:
-            raise InputError(f"{variable.name}: {array.min()}..{array.max()} does not fit into 32 bits")
+            raise InputError(f"{variable.name}: {array.min()}..{array.max()} does not fit into {limits.bits} bits")
     return array.astype(netcdf_type(variable, precision))
 
 
@@ -108,6 +111,14 @@ def checked_text(name: str, value: Any) -> str:
     """`value`, or an InputError that names the variable if it is no text."""
     if not isinstance(value, str):
         raise InputError(f"{name}: {value!r}, must be a text")
+    return value
+
+
+def text_in_room(name: str, value: Any) -> str:
+    """`value`, or an InputError that names the variable if it is no text or has no room in TEXT_ROOM bytes."""
+    size = len(checked_text(name, value).encode())
+    if size > TEXT_ROOM:
+        raise InputError(f"{name}: {value!r} has {size} bytes, must have at most {TEXT_ROOM}")
     return value
 
 

@@ -8,7 +8,14 @@ import pytest
 
 from taichi_lsm.core import record_netcdf
 from taichi_lsm.core.errors import SimulationError
-from taichi_lsm.core.record_netcdf import append_record, create_record_file, read_layout, replace_texts
+from taichi_lsm.core.record_netcdf import (
+    RecordAppender,
+    create_record_file,
+    read_layout,
+    record_bytes,
+    replace_texts,
+    write_entries,
+)
 from tests.helpers.processes import run_python
 
 
@@ -38,6 +45,14 @@ def record(i):
         "position": np.array([0.1 * i, -0.0, np.nan]),
         "force": np.array([0.1 * i, np.inf, -1.0], np.float32),
     }
+
+
+def append_record(path, layout, arrays):
+    """Append and count one record; returns the layout with the new count."""
+    appender = RecordAppender(path, layout)
+    appender.append(record_bytes(layout, arrays))
+    appender.flush()
+    return appender.layout
 
 
 @pytest.fixture
@@ -116,7 +131,7 @@ DIE = """
 import os, shutil, sys
 from pathlib import Path
 from taichi_lsm.core import record_netcdf
-from tests.core.test_record_netcdf import record
+from tests.core.test_record_netcdf import append_record, record
 path, bytes_of = Path(sys.argv[1]), {}
 
 class Dying:
@@ -146,7 +161,7 @@ for left in range(1, layout.size + 4):
             write(file, start, parts)
             budget[0] = file.left
         record_netcdf._write_at = dying
-        record_netcdf.append_record(copy, layout, record(2))
+        append_record(copy, layout, record(2))
         os._exit(1)
     assert os.waitpid(child, 0)[1] == 0, left
 """
@@ -198,3 +213,42 @@ def test_texts_change_in_their_place(file):
         replace_texts(path, layout, {"run_status": "interrupted for good"})
     replace_texts(path, layout, {"run_status": "running"})
     assert path.read_bytes() == before
+
+
+def test_appends_share_their_way_to_the_disk(file, monkeypatch):
+    """Three of them in one flush: until then a reader sees none, and a kill loses them."""
+    path, layout = file
+    syncs, fsync = [], os.fsync
+    monkeypatch.setattr(record_netcdf.os, "fsync", lambda number: syncs.append(fsync(number)))
+    appender = RecordAppender(path, layout, shares=True)
+    assert appender.due
+    for i in range(2, 5):
+        appender.append(record_bytes(layout, record(i)))
+    check(path, 2)
+    assert appender.pending == 3 and not syncs
+    appender.flush()
+    check(path, 5)
+    assert appender.pending == 0 and len(syncs) == 2 and not appender.due
+    appender._flushed -= record_netcdf.SPARE * appender._took
+    assert appender.due
+
+
+def test_many_records_at_once_are_those_one_by_one(file, tmp_path):
+    path, layout = file
+    other = tmp_path / "other.nc"
+    layout_of_other = create_record_file(other, fill, {"run_status": "running"})
+    appender = RecordAppender(other, layout_of_other)
+    appender.append([b"".join(b"".join(record_bytes(layout, record(i))) for i in range(2))], 2)
+    appender.flush()
+    assert other.read_bytes() == path.read_bytes()
+    copied = list(record_netcdf.read_records(path, layout, 2))
+    assert len(copied) == 1 and len(copied[0]) == 2 * layout.size
+
+
+def test_entries_of_fixed_size_change_in_their_place(file):
+    path, layout = file
+    write_entries(path, layout, 1, {"mass": np.array([7.0, 8.0], np.float32)})
+    with netCDF4.Dataset(path) as dataset:
+        assert dataset["mass"][:].tolist() == [1.0, 7.0, 8.0]
+    write_entries(path, layout, 1, {"mass": np.array([2.0, 3.0], np.float32)})
+    check(path, 2)
