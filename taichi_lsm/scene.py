@@ -102,6 +102,9 @@ class Scene:
         ForestRuth.
     track_dissipation : bool
         Whether the energy that each effect dissipates is added up; the energy budget needs it. Default: True.
+    track_contacts : bool
+        Whether what each contact dissipated in the last step is kept, for `Simulation.contacts` and contacts.nc; the
+        motion does not change. Default: False.
     parallel : bool
         Whether the grains are shared among all threads. Default: None, if there are more than 2000.
     guards : Guards
@@ -153,6 +156,7 @@ class Scene:
     safety: float = 0.3
     integrator: type[VelocityVerlet] = OnsetVerlet
     track_dissipation: bool = True
+    track_contacts: bool = False
     parallel: bool | None = None
     guards: Guards = field(default_factory=Guards)
 

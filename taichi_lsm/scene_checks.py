@@ -132,8 +132,11 @@ def _check_settings(scene: Scene) -> None:
         raise InputError(f"Scene.integrator: {integrator!r}, must be a class such as OnsetVerlet, not its name")
     if not isinstance(scene.guards, Guards):
         raise InputError(f"Scene.guards: {scene.guards!r}, must be Guards(...), in which None switches a guard off")
-    if not isinstance(scene.track_dissipation, bool | np.bool_):
-        raise InputError(f"Scene.track_dissipation: {scene.track_dissipation!r}, must be True or False")
+    for name in ("track_dissipation", "track_contacts"):
+        if not isinstance(getattr(scene, name), bool | np.bool_):
+            raise InputError(f"Scene.{name}: {getattr(scene, name)!r}, must be True or False")
+    if scene.track_contacts and not scene.track_dissipation:
+        raise InputError("Scene.track_contacts: True, must be False without track_dissipation, of which it is a part")
     if not (scene.parallel is None or isinstance(scene.parallel, bool | np.bool_)):
         raise InputError(f"Scene.parallel: {scene.parallel!r}, must be True, False or None")
 

@@ -45,6 +45,8 @@ def contact_rows(spec: Any) -> list[Variable]:
         rows.append(Variable("row_impulse", ("row", "space"), "real", "N s", "impulse on the wall", True))
     if spec.history:
         rows.append(Variable("row_history", ("row", "history"), "real", "1", "values kept by the effects", True))
+    if spec.keeps_losses:
+        rows.append(Variable("row_loss", ("row",), "f64", "J", "energy dissipated in the last step", True))
     return rows
 
 
@@ -299,6 +301,8 @@ class Walls:
         if depth > least or previous_status != 0:
             if self.height(w, g.position[k]) <= 0.0:
                 forces.geometry.error_flags.report(WALL, g.id[k], w)
+            if ti.static(self.spec.keeps_losses):
+                self.row_loss[r] = ti.cast(0.0, ti.f64)
             for effect in ti.static(forces.contact_effects):
                 self.apply(forces, contact, effect, k, r)
             f = contact.normal_force * contact.normal + contact.tangential_force
@@ -329,18 +333,22 @@ class Walls:
                     )
                     if size != 0.0:
                         forces.add_lost_at_onset(k, lost)
+                        if ti.static(self.spec.keeps_losses):
+                            self.row_loss[r] = self.row_loss[r] + ti.cast(lost, ti.f64)
                         status += HAS_IMPULSE
                         self.row_impulse[r] = size * contact.normal
                         g.has_impulse[k] = ti.cast(1, ti.i8)
                         if ti.static(self.spec.has_angular_impulses):
                             g.angular_impulse[k] = g.angular_impulse[k] - torque_of(arm, size * contact.normal)
             self.row_status[r] = ti.cast(status, ti.i8)
+            if ti.static(self.spec.keeps_losses):
+                if status & (TOUCHING | ACTING) == 0:
+                    g.parted_loss[k] = g.parted_loss[k] + self.row_loss[r]
             self.marked[g.id[k] // BLOCK] = 1  # a benign race: every thread writes the same number
 
     @ti.func
     def apply(self, forces: ti.template(), contact: ti.template(), effect: ti.template(), k, r):
         """Add one effect to the contact, its history in row r, and the energy that it dissipates to its channel."""
-        g = forces.grains
         lost = 0.0 * contact.depth
         if ti.static(effect.history_size(self.dim) > 0):
             memory = self.history_of(forces, effect, r)
@@ -350,9 +358,9 @@ class Walls:
                 self.row_history[r][begin + c] = memory[c]
         else:
             lost = effect.on_contact(contact, 0)
-        if ti.static(self.spec.tracks_dissipation and effect.dissipates):
-            channel = ti.static(forces.channel_of(effect))
-            g.dissipated[k][channel] = g.dissipated[k][channel] + ti.cast(lost, ti.f64)
+        forces.add_lost(k, effect, lost)
+        if ti.static(self.spec.keeps_losses and effect.dissipates):
+            self.row_loss[r] = self.row_loss[r] + ti.cast(lost, ti.f64)
 
     @ti.func
     def history_of(self, forces: ti.template(), effect: ti.template(), r):

@@ -47,6 +47,8 @@ def pair_variables(spec: Any) -> list[Variable]:
         rows.append(row("part_code", "", "i32", "1", "first part * 32768 + second part"))
     if spec.history:
         rows.append(row("history", "history", "real", "1", "values kept by the effects"))
+    if spec.keeps_losses:
+        rows.append(row("pair_loss", "", "f64", "J", "energy dissipated in the last step, by all effects"))
     return rows
 
 
@@ -149,10 +151,12 @@ class Pairs:
 
     @ti.func
     def clear_forces(self, s):
-        """Set force and torque of slot s to zero; only after every slot has been restored."""
+        """Set force, torque and loss of slot s to zero; only after every slot has been restored."""
         self.pair_force[s] = ti.Vector([0.0] * self.sizes["space"])
         if ti.static(self.spec.rotates):
             self.pair_torque[s] = ti.Vector([0.0] * self.sizes["rotation"])
+        if ti.static(self.spec.keeps_losses):
+            self.pair_loss[s] = 0.0
 
     @ti.func
     def restore(self, s, o):

@@ -4,36 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from ..measure.contacts import CONTACT_ROWS
+from ..measure.contacts import FLAGS
 
 if TYPE_CHECKING:
     import xarray
 
     from ..simulation import Simulation
 
-FORCES = {
-    "normal_force": ("N", "normal force, positive in compression"),
-    "tangential_force": ("N", "tangential force on the second grain"),
-}
+PARTED_POWER = ("W", "energy that contacts which ended in the last step dissipated in it, over its time")
 
 
 def contacts_dataset(sim: Simulation) -> xarray.Dataset:
     """All contacts of `sim` now; see `Simulation.contacts`."""
     import xarray  # takes long to load
 
-    rows = sim.contact_table.rows()
-    force = rows.pop("force")
-    rows["normal_force"] = np.einsum("ij,ij->i", force, rows["normal"])
-    rows["tangential_force"] = force - rows["normal_force"][:, None] * rows["normal"]
-    meaning = {v.name: (v.units, v.long_name) for v in CONTACT_ROWS} | FORCES
+    rows, table = sim.contact_table.rows(sim.scene, sim.dt), sim.contact_table
     data = {}
-    for name, values in rows.items():
-        units, long_name = meaning[name]
-        dims = ("contact", "space") if values.ndim == 2 else ("contact",)
-        values = values.astype(bool) if name in ("sliding", "bonded") else values
-        data[name] = (dims, values, {"units": units, "long_name": long_name})
+    for variable in table.variables:
+        values = rows[variable.name].astype(bool) if variable.name in FLAGS else rows[variable.name]
+        data[variable.name] = (variable.dims, values, {"units": variable.units, "long_name": variable.long_name})
+    units, long_name = PARTED_POWER
+    data["parted_power"] = ((), table.parted_power(sim.scene, sim.dt), {"units": units, "long_name": long_name})
     time = ((), sim.time, {"units": "s", "long_name": "simulated time"})
     coords = {"space": list("xyz"[: sim.scene.dim]), "time": time}
     return xarray.Dataset(data, coords, {"title": "Contacts at one instant"})

@@ -79,6 +79,8 @@ class ContactForces(EffectSet):
             g.torque[k] = ti.Vector([ti.cast(0.0, self.real)] * self.rotation_size)
         if ti.static(self.spec.has_angular_impulses):
             g.angular_impulse[k] = ti.Vector([ti.cast(0.0, self.real)] * self.rotation_size)
+        if ti.static(self.spec.keeps_losses):
+            g.parted_loss[k] = ti.cast(0.0, ti.f64)
 
     @ti.func
     def find_near_pairs(self, block: ti.template(), first, count):
@@ -284,13 +286,14 @@ class ContactForces(EffectSet):
             if ti.static(self.spec.history > 0):
                 pairs.history[s] = get(block, "memory", i, self.spec.history)
             if ti.static(self.spec.tracks_dissipation and self.contact_channel_count > 0):
-                for channel in ti.static(range(self.contact_channel_count)):
-                    lost = ti.cast(block["lost" + AXIS[channel]][i], ti.f64)
-                    g.dissipated[k][channel] = g.dissipated[k][channel] + lost
+                self.store_losses(block, i, s, k)
             status = block.status[i]
             if ti.static(self.spec.onset):
                 status += self.store_onset(block, i, s, k, dt)
             pairs.status[s] = ti.cast(status, ti.i8)
+            if ti.static(self.spec.keeps_losses):
+                if status & (TOUCHING | ACTING) == 0:  # it is no row of the table of contacts
+                    g.parted_loss[k] = g.parted_loss[k] + pairs.pair_loss[s]
             if ti.static(self.spec.sheared):
                 self.geometry.add_to_cell(k, s, f, status, dt)
 
@@ -309,6 +312,8 @@ class ContactForces(EffectSet):
             size, lost = self.correction.end_impulse(k, l, s, branch, touching, depth, n, arm_k, arm_k - branch, dt)
             if size != 0.0:
                 self.add_lost_at_onset(k, lost)
+                if ti.static(self.spec.keeps_losses):
+                    pairs.pair_loss[s] = pairs.pair_loss[s] + ti.cast(lost, ti.f64)
                 impulse = size * n
                 self.store_impulse(s, k, impulse, -torque_of(arm_k, impulse), torque_of(arm_k - branch, impulse))
                 result = HAS_IMPULSE

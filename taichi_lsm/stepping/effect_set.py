@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from ..contact.contact_block import AXIS
 from ..core.rotation import rotational_velocity, velocity_turned_back
 from ..core.runtime import ti
 from ..effects import Effect, contact_type
@@ -143,6 +144,26 @@ class EffectSet:
         contact.mass = 1.0 / inverse_mass
         contact.dt = dt
         return contact
+
+    @ti.func
+    def store_losses(self, block: ti.template(), i, s, k):
+        """Add what the contact in place i of the block dissipated to the channels of grain k; slot s may keep it."""
+        g = self.grains
+        by_all = ti.cast(0.0, ti.f64)
+        for channel in ti.static(range(self.contact_channel_count)):
+            lost = ti.cast(block["lost" + AXIS[channel]][i], ti.f64)
+            g.dissipated[k][channel] = g.dissipated[k][channel] + lost
+            by_all += lost
+        if ti.static(self.spec.keeps_losses):
+            self.pairs.pair_loss[s] = by_all
+
+    @ti.func
+    def add_lost(self, k, effect: ti.template(), lost):
+        """Add the energy [J] that an effect dissipated at a contact to its channel of grain k."""
+        g = self.grains
+        if ti.static(self.spec.tracks_dissipation and effect.dissipates):
+            channel = ti.static(self.channel_of(effect))
+            g.dissipated[k][channel] = g.dissipated[k][channel] + ti.cast(lost, ti.f64)
 
     @ti.func
     def add_lost_at_onset(self, k, lost):

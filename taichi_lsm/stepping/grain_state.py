@@ -78,6 +78,9 @@ def grain_variables(spec: Any) -> list[Variable]:
         rows.append(row("virial", "", "f64", "J", "share of the own row and motion in normal stress times volume"))
     if spec.tracks_dissipation:
         rows.append(row("dissipated", "channel", "f64", "J", "energy dissipated, by effect"))
+    if spec.keeps_losses:
+        long_name = "energy dissipated in the last step by contacts of the own row that ended in it"
+        rows.append(row("parted_loss", "", "f64", "J", long_name))
     return rows
 
 

@@ -32,6 +32,7 @@ class KernelSpec:
     local_radius : an effect wants the radii of curvature where shaped grains touch
     has_equivalent_radius : an effect wants the equivalent radii of shaped grains; those of spheres are their radii
     channels : number of effects whose dissipated energy is accounted for
+    keeps_losses : what each contact dissipated in the last step is kept
     history : numbers that the effects remember of each pair
     effects : class names and variants of the effects
     bonds, walls, platens : how many there are
@@ -53,6 +54,7 @@ class KernelSpec:
     local_radius: bool = False
     has_equivalent_radius: bool = False
     channels: int = 0
+    keeps_losses: bool = False
     history: int = 0
     effects: tuple[tuple[str, str], ...] = ()
     bonds: int = 0
@@ -84,6 +86,7 @@ class KernelSpec:
             has_equivalent_radius=shaped
             and ("rolling_radius" in needs or ("reduced_radius" in needs and not local_radius)),
             channels=len(energy_channels(effects)) if scene.track_dissipation else 0,
+            keeps_losses=scene.track_contacts and any(e.dissipates and e.phase in ON_CONTACTS for e in effects),
             history=sum(e.history_size(scene.dim) for e in effects if e.phase in ON_CONTACTS),
             effects=tuple((type(e).__name__, e.variant) for e in effects),
             bonds=len(scene.bonds) if bonded else 0,

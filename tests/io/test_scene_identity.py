@@ -33,6 +33,7 @@ CHANGES = {  # of each input that must be the same, one that no other check of t
     "bond_area": [0.7],
     "integrator": lsm.VelocityVerlet,
     "track_dissipation": False,
+    "track_contacts": True,
     "dim": 3,
 }
 
