@@ -1,11 +1,11 @@
-"""The files of one sheared layer or cell: run.nc (time series) and grains.nc (snapshots), closed with their status."""
+"""The files of one sheared layer or cell: run.nc (time series), grains.nc (snapshots), contacts.nc if it is wanted."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,12 @@ from ..bonds.bond_setup import bond_areas
 from ..core.allocation import read
 from ..core.errors import SimulationError
 from ..core.schema import Variable
+from ..measure.contacts import FLAGS
 from ..measure.layer_rows import layer_rows
 from ..measure.sheared_grains import Row, ShearedGrains
 from ..shapes.patch_surfaces import PatchSurface, patch_surface
+from .contacts_dataset import PARTED_POWER
+from .contacts_file import ContactsWriter
 from .grains_file import STATIC_DIMS, GrainsWriter, snapshot_rows, static_rows
 from .netcdf_variables import Scalar
 from .run_file import RunWriter, file_attributes
@@ -36,11 +39,12 @@ CELL_ROWS = [
     Variable("cell_shift", ("time",), "f64", "m", "displacement of the image above the cell along the shear"),
     Variable("cell_shear_rate", ("time",), "f64", "s-1", "rate of shear of the cell"),
 ]
+PARTED_ROW = Variable("parted_power", ("time",), "f64", *PARTED_POWER)
 (STRAIN,) = (row for row in layer_rows() if row.name == "shear_strain")
 
 
 class LayerRecorder:
-    """Writes what a `ShearedLayer` or a `ShearedCell` measures.
+    """Writes what a `ShearedLayer` or a `ShearedCell` measures, and contacts.nc if `Scene.track_contacts` is set.
 
     Use as a context manager: an exception leaves a file that says so. A run that a guard stops leaves its state at the
     stop in stopped.nc and as the last snapshot of grains.nc (`Simulation.keep_checkpoints`).
@@ -62,13 +66,15 @@ class LayerRecorder:
     cycles
         Whether rows tell the repetition of their stage and the slip since it began.
     keep
-        Rows of run.nc and snapshots of grains.nc in the folder, written by a run that was stopped, which this run goes
-        on from; None: a new run.
+        Rows of run.nc, snapshots of grains.nc and moments of contacts.nc in the folder, written by a run that was
+        stopped, which this run goes on from; None: a new run.
 
     Attributes
     ----------
     rows, snapshots
         Number of them in the files.
+    contacts
+        The writer of contacts.nc, whose length is the number of its moments; None without that file.
     """
 
     def __init__(
@@ -80,7 +86,7 @@ class LayerRecorder:
         config_toml: str,
         seed: int,
         scalars: Sequence[Scalar] = (),
-        keep: tuple[int, int] | None = None,
+        keep: tuple[int, int, int] | None = None,
         cycles: bool = False,
     ) -> None:
         sim = layer.sim
@@ -90,8 +96,8 @@ class LayerRecorder:
         self.begin_stage("", 0)
         scalars = [*scalars, Scalar("stiffness_number", layer.stiffness_number, "stiffness number of the contacts")]
         out = Path(out)
-        self.rows, self.snapshots = keep or (0, 0)
-        kept_rows, kept_snapshots = keep or (None, None)
+        self.rows, self.snapshots, _ = keep or (0, 0, 0)
+        kept_rows, kept_snapshots, kept_moments = keep or (None, None, None)
         self.run = RunWriter(
             out / "run.nc",
             [*layer.variables, STAGE_INDEX, *(CYCLE_ROWS if cycles else ())],
@@ -104,18 +110,36 @@ class LayerRecorder:
             keep=kept_rows,
         )
         dim, spec, bonded = sim.scene.dim, sim.spec, sim.spec.bonds > 0
+        cell = {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]}
         in_time = snapshot_rows(dim, rotates=spec.rotates, oriented=spec.oriented, bonded=bonded)
         self.grains = GrainsWriter(
             out / "grains.nc",
             _constants(sim.scene),
             static_rows(dim, bonded),
             [STRAIN, *CELL_ROWS * spec.cell_servo, *in_time],
-            attributes | {"periodic_lengths": [n for n, p in zip(sim.scene.lengths, sim.scene.periodic) if p]},
+            attributes | cell,
             text=STAGE,
             # A variable of the name of a dimension would be its coordinate.
             scalars=[replace(s, name=f"grain_{s.name}") if s.name in STATIC_DIMS else s for s in scalars],
             keep=kept_snapshots,
+            shares=True,
         )
+        self.contacts: ContactsWriter | None = None
+        if sim.scene.track_contacts:
+            self.contacts = ContactsWriter(
+                out / "contacts.nc",
+                sim.contact_table.variables,
+                [STRAIN, PARTED_ROW, *CELL_ROWS * spec.cell_servo],
+                attributes | cell,
+                dim,
+                text=STAGE,
+                scalars=scalars,
+                extra_attributes={
+                    name: {"flag_values": [0, 1], "flag_meanings": words} for name, words in FLAGS.items()
+                },
+                shares=True,
+                keep=kept_moments,
+            )
 
     @property
     def id(self) -> str:
@@ -149,10 +173,7 @@ class LayerRecorder:
         state, scene = self.sim.state, self.sim.scene
         position = state.position.to_numpy()
         arrays = {"position": position, "velocity": state.velocity.to_numpy() + self.sim.domain.missing_flow(position)}
-        if self.sim.spec.cell_servo:
-            cell = self.sim.domain.snapshot()
-            arrays |= {f"cell_{name}": cell[name] for name in ("height", "shift", "shear_rate")}
-        arrays |= {"shear_strain": self.layer.strain, "stage": self._stage["stage"]}
+        arrays |= self._of_moment()
         if self.sim.spec.rotates:
             angular_velocity = state.angular_velocity.to_numpy()
             arrays["angular_velocity"] = angular_velocity[:, 0] if scene.dim == 2 else angular_velocity
@@ -161,6 +182,29 @@ class LayerRecorder:
         if self.sim.spec.bonds > 0:
             arrays["bond_intact"] = read(self.sim.bonds.intact)
         self.grains.append(time, arrays)
+
+    def _of_moment(self) -> dict[str, Any]:
+        """What grains.nc and contacts.nc have of an instant as a whole."""
+        values: dict[str, Any] = {"shear_strain": self.layer.strain, "stage": self._stage["stage"]}
+        if self.sim.spec.cell_servo:
+            cell = self.sim.domain.snapshot()
+            values |= {f"cell_{name}": cell[name] for name in ("height", "shift", "shear_rate")}
+        return values
+
+    def moment(self) -> None:
+        """Append all contacts to contacts.nc, unless there is no such file or it has this instant."""
+        if self.contacts is None or self.contacts.last_time >= self.sim.time:
+            return
+        sim = self.sim
+        with sim.clock("output"):
+            table = sim.contact_table
+            values = self._of_moment() | {"parted_power": table.parted_power(sim.scene, sim.dt)}
+            self.contacts.append(sim.time, values, table.rows(sim.scene, sim.dt))
+
+    @property
+    def moments(self) -> int:
+        """Number of moments in contacts.nc, 0 without that file."""
+        return 0 if self.contacts is None else len(self.contacts)
 
     def _snapshot_of_stop(self) -> None:
         """Append the state in which a run was stopped, if its positions are finite.
@@ -172,9 +216,12 @@ class LayerRecorder:
             self._snapshot(self.sim.time + self.sim.dt * (self.sim.time <= self.grains.last_time))
 
     def flush(self) -> None:
-        """Write all rows and snapshots to disk."""
+        """Write all rows, snapshots and moments to disk."""
         with self.sim.clock("output"):
             self.run.flush()
+            self.grains.flush()
+            if self.contacts:
+                self.contacts.flush()
 
     def __enter__(self) -> Self:
         return self
@@ -185,6 +232,7 @@ class LayerRecorder:
         status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
         # Each of these whatever becomes of the others; grains.nc is closed first, as that needs no space on the disk.
         last = [lambda: self.grains.close(status), lambda: self.run.close(status)]
+        last += [lambda: self.contacts.close(status)] * (self.contacts is not None)
         if kind is not None and issubclass(kind, SimulationError):
             last.insert(0, self._snapshot_of_stop)
         failures = []
