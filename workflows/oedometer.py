@@ -95,7 +95,13 @@ class Params(LayerParams):
     def idle(self) -> dict[str, str]:
         """As of the layer; and what belongs to shear."""
         shear = (*SPRINGS, "inertial_number", "rows_per_strain")
-        return super().idle() | dict.fromkeys(shear, "in an oedometer, where nothing is sheared")
+        found = super().idle() | dict.fromkeys(shear, "in an oedometer, where nothing is sheared")
+        return found | {"snapshots": "in an oedometer, where each level ends with a snapshot"}
+
+    @property
+    def sheared(self) -> bool:
+        """No."""
+        return False
 
 
 def analyse(levels: xarray.Dataset, params: Params) -> dict[str, Metric]:

@@ -73,6 +73,8 @@ BASES = {
 }
 TABLES = {  # other values of what only a file can give
     "effects": ([DASHPOT | {"restitution": 0.7}], [{"name": "gravity", "acceleration": [0.0, -9.81, 0.0]}]),
+    "contacts": (["end"], ["every=0.2"]),
+    "snapshots": (["every=0.2"], ["stages"]),
     "stages": ([{"name": "fast", "velocity": 2.0, "until": {"strain": 0.5}}],),
 }
 
@@ -146,7 +148,7 @@ class Recorder:
 
     def __init__(self, out, layer, title, *others):
         layer.sim.log.append(title)
-        self.layer, self.rows, self.snapshots = layer, 0, 0
+        self.layer, self.rows, self.snapshots, self.moments = layer, 0, 0, 0
         self.grains, self.id = SimpleNamespace(last_time=-1.0), "run"
 
     def __enter__(self):
@@ -168,6 +170,9 @@ class Recorder:
 
     def snapshot(self):
         self.layer.sim.log.append("snapshot")
+
+    def moment(self):
+        self.layer.sim.log.append("contacts")
 
 
 class Loop(RunLoop):
@@ -248,7 +253,7 @@ def observed(monkeypatch, tmp_path):
 def other_values(key, field, value):
     """Values of the option `key` other than `value`, near it where it is a number."""
     how, names = kind(field.annotation), choices(field.annotation)
-    if how == "toml":
+    if key in TABLES:
         return TABLES[key]
     if how == "flag":
         return [not value]

@@ -16,7 +16,7 @@ from workflows.common.reports import Progress
 from workflows.gouge.labels import grain_words
 from workflows.gouge.layer_drives import NORMAL_STRESS, SHEAR_RATE
 from workflows.gouge.layer_scene import LARGEST_SPEED
-from workflows.gouge.layer_schedule import CONSOLIDATE, SETTLE_TIMES, settling_rows
+from workflows.gouge.layer_schedule import CONSOLIDATE, SETTLE_TIMES, settling_contacts, settling_rows
 from workflows.gouge.shear_stages import shear_stages
 from workflows.gouge.subject import Subject
 from workflows.protocol.conditions import Memory, Settled
@@ -106,7 +106,8 @@ class Cell(Subject):
         until: Any = Settled(p.normal_stress, within, STRESS_ROW)
         if p.solid_fraction:
             until = Filled(within)
-        consolidate = Stage(CONSOLIDATE, until=until, spacing=settling_rows(p, dt))
+        spacing, contacts = settling_rows(p, dt), settling_contacts(p)
+        consolidate = Stage(CONSOLIDATE, until=until, spacing=spacing, contacts=contacts)
         stages = shear_stages(p, dt)
         if p.solid_fraction:
             stages = [replace(stage, drives={**stage.drives, SPEED_LIMIT: Change(0.0)}) for stage in stages]

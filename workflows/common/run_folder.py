@@ -27,7 +27,7 @@ PARTS = "parts"  # folder of the results of parts of an experiment, until it is 
 CHECKPOINTS = ("checkpoint", "checkpoint.previous", "checkpoint.new")
 TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md", "report.html")
 TABLES = (
-    *("run", "grains", "stopped", *CHECKPOINTS),
+    *("run", "grains", "contacts", "stopped", *CHECKPOINTS),
     *("target", "compare", "energy", "drift", "roughness", "accuracy", "hard_cases"),
     *("cycles", "events", "healing", "fragments", "crush", "compression"),
 )

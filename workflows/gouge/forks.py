@@ -11,7 +11,9 @@ import taichi_lsm as lsm
 from workflows.common.parameter_files import CONFIG
 from workflows.common.run_folder import is_begun
 
-COPIED = (CONFIG, "run.nc", "grains.nc", "checkpoint.nc")
+FILES = ("run.nc", "grains.nc")
+COPIED = (CONFIG, *FILES, "checkpoint.nc")
+CONTACTS = "contacts.nc"  # if the run has it
 UNDONE = ".begun"  # of the name of a folder whose copy is not complete
 
 
@@ -34,9 +36,10 @@ def fork(trunk: Path, branch: Path) -> None:
     shutil.rmtree(undone, ignore_errors=True)
     shutil.rmtree(branch, ignore_errors=True)
     undone.mkdir(parents=True)
-    for name in COPIED:
+    contacts = [CONTACTS] * (trunk / CONTACTS).is_file()
+    for name in (*COPIED, *contacts):
         shutil.copy2(trunk / name, undone / name)
-    for name in ("run.nc", "grains.nc"):
+    for name in (*FILES, *contacts):
         with netCDF4.Dataset(undone / name, "a") as file:
             file.run_status = "interrupted"  # the stages of the branch are still to come
     undone.rename(branch)  # at once: a copy that is cut off is no run

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 import taichi_lsm as lsm
 from workflows.common.parameter_files import listed
@@ -15,6 +15,7 @@ from workflows.common.parameters import Params as BaseParams
 from workflows.common.refusals import in_terms_of
 from workflows.gouge.expected_shear import expected
 from workflows.gouge.labels import ROUND
+from workflows.protocol.moments import checked_words, interval
 from workflows.protocol.stage_tables import StageTable
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 PACKED = {2: 0.80, 3: 0.59}  # solid fraction of a consolidated layer, which ties its thickness to its grains
 MOST_GRAINS = 10_000_000  # some 20 GB of state and lists
+ROW = 1.0 - 1e-9  # of the strain from row to row
 LARGE, LITTLE = 1.0, 100.0  # size [m] and stress [Pa] beyond which other units may be meant
 FLAT = ("side_half_width", "face_flatness")  # parameters of flat sides (2D) and faces (3D)
 SIDE = 0.7  # of a long side of an angular grain [diameters]
@@ -111,6 +113,19 @@ class GrainParams(BaseParams):
         le=1e6,
         description="wall-clock time between two checkpoints; none: a minute, or more where they take long [s]",
     )
+    contacts: Annotated[list[str], AfterValidator(checked_words)] = Field(
+        default=[],
+        description="when contacts.nc is written, with all contacts of the moment: every=STRAIN, at the begin of the "
+        "shear and at the first row beyond each multiple of this shear strain; events, at the first and the last row "
+        "of every slip event and at rows in which bonds broke; stages, at the end of each; end, of the last; or "
+        "several of these; none: there is no such file",
+    )
+    snapshots: Annotated[list[str], AfterValidator(checked_words)] = Field(
+        default=[],
+        description="when grains.nc is written, besides the begin and the ends of stages of which it always has those "
+        "that are not repeated: every=STRAIN, events or stages, as for contacts; none: every=1, of breakable grains "
+        "every=0.25",
+    )
     profile: bool = Field(default=False, description="print the run time of each stage of a step")
     effects: list[dict] = Field(
         default=[],
@@ -121,7 +136,7 @@ class GrainParams(BaseParams):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        problems = [*self.problems_of_grains(), *self.problems_of_shear()]
+        problems = [*self.problems_of_grains(), *self.problems_of_shear(), *self.problems_of_output()]
         if problems:
             raise BrokenRules(problems)
         return self
@@ -157,6 +172,30 @@ class GrainParams(BaseParams):
         """Contradictions in how the grains are sheared, which each experiment has its own parameters of; none here."""
         yield from ()
 
+    def problems_of_output(self) -> Iterator[str]:
+        """Moments that never come."""
+        for name in ("contacts", "snapshots"):
+            words = getattr(self, name)
+            if "events" in words and not self.has_events:
+                yield (
+                    f"--{name} {','.join(words)}: there are no events, which need a load spring, a stage with "
+                    "shear_stress or --breakable; leave out events"
+                )
+            if interval(words) and not self.sheared:
+                yield f"--{name} {','.join(words)}: nothing is sheared; leave out every"
+        if "end" in self.snapshots:
+            yield f"--snapshots {','.join(self.snapshots)}: the end always has one; leave out end"
+
+    @property
+    def sheared(self) -> bool:
+        """Whether there is a shear strain at all."""
+        return True
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there may be slip events, or bonds that break."""
+        return False
+
     def shear_tables(self) -> list[StageTable]:
         """The stages after the consolidation; every experiment has its own."""
         raise NotImplementedError
@@ -185,6 +224,14 @@ class GrainParams(BaseParams):
             yield f"--largest-diameter {self.largest_diameter:g}: sizes are in m, 149e-6 is 149 um"
         if self.normal_stress < LITTLE:
             yield f"--normal-stress {self.normal_stress:g}: stresses are in Pa, 5e6 is 5 MPa"
+        for name in ("contacts", "snapshots"):
+            every = interval(getattr(self, name))
+            by_strain = any(table.sample is None for table in self.shear_tables())
+            if every and by_strain and every * self.rows_per_strain < ROW:
+                yield (
+                    f"--{name} every={every:g}: there is one at each row at most, and rows are "
+                    f"{1.0 / self.rows_per_strain:g} apart; raise --rows-per-strain"
+                )
 
     def idle(self) -> dict[str, str]:
         """Fields that have no effect: of the other dimension or shape, or of an effect that another one replaces."""

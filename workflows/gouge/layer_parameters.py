@@ -108,6 +108,11 @@ class LayerParams(GrainParams):
         return found
 
     @property
+    def has_events(self) -> bool:
+        """Whether there may be slip events, or bonds that break."""
+        return self.breakable or self.spring is not None or self.pushed
+
+    @property
     def given_thickness(self) -> float | None:
         """Thickness of the layer that is given [mean diameters]."""
         return self.layer_thickness

@@ -181,6 +181,7 @@ def _simulate(
     """The run in its folder."""
     if progress:
         progress({"stage": f"compiling, up to {start_seconds(params):.0f} s the first time"})
+    scene.track_contacts = len(params.contacts) > 0
     sim = lsm.Simulation(scene, params.arch, params.precision, params.threads)
     layer = experiment.subject.measured(sim, params)
     sim.keep_checkpoints(out, seconds=np.inf)  # by the run loop, which knows when

@@ -7,6 +7,7 @@ from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_scene import LARGEST_SPEED
 from workflows.gouge.shear_stages import shear_stages
 from workflows.protocol.conditions import Settled
+from workflows.protocol.moments import Moments, interval
 from workflows.protocol.schedule import Spacing, Stage
 
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
@@ -33,6 +34,7 @@ def layer_schedule(params: LayerParams, dt: float, thickness: float) -> list[Sta
         CONSOLIDATE,
         until=Settled(p.normal_stress, (SETTLE_TIMES + falling) * p.inertial_time),
         spacing=settling_rows(p, dt),
+        contacts=settling_contacts(p),
     )
     return [consolidate, *shear_stages(p, dt)]
 
@@ -41,3 +43,8 @@ def settling_rows(params: GrainParams, dt: float) -> Spacing:
     """Rows and samples of a consolidation; dt: time step [s]."""
     steps = int(ROW_TIMES * params.inertial_time / dt)
     return Spacing(SETTLING_SAMPLES * -(-steps // SETTLING_SAMPLES), SETTLING_SAMPLES)
+
+
+def settling_contacts(params: GrainParams) -> Moments:
+    """Moments of contacts.nc in a consolidation: at its end, which is the begin of the shear."""
+    return Moments(at_end="stages" in params.contacts or interval(params.contacts) is not None)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from workflows.gouge.expected_shear import duration
 from workflows.gouge.grain_parameters import GrainParams
 from workflows.gouge.layer_drives import NORMAL_STIFFNESS, NORMAL_STRESS, SHEAR_RATE, SHEAR_STRESS
 from workflows.gouge.layer_parameters import LayerParams
 from workflows.protocol.conditions import Reached
+from workflows.protocol.moments import Events, Moments, interval
 from workflows.protocol.schedule import Change, Spacing, Stage
 from workflows.protocol.stage_tables import Interval, Planned, Sample, planned
 
@@ -23,10 +25,13 @@ def shear_stages(params: GrainParams, dt: float) -> list[Stage]:
     all_stages = planned(params.shear_tables())
     stiffness = params.normal_stiffness if isinstance(params, LayerParams) else None
     spring = {NORMAL_STIFFNESS: Change(stiffness)} if stiffness else {}
-    return [
+    stages = [
         _stage(params, dt, stage, {} if i else spring, kept)
         for i, (stage, kept) in enumerate(zip(all_stages, _kept(all_stages), strict=True))
     ]
+    if "end" in params.contacts:
+        stages[-1] = replace(stages[-1], contacts=replace(stages[-1].contacts, at_end=True))
+    return stages
 
 
 def _kept(stages: Sequence[Planned]) -> list[bool]:
@@ -66,8 +71,18 @@ def _stage(params: GrainParams, dt: float, stage: Planned, first: dict[str, Chan
         drives=drives,
         cycle=stage.cycle,
         kept=kept,
-        snapshot_strain=SNAPSHOT_STRAIN if p.pieces_of_one == 1 else BREAKING_STRAIN,
+        snapshots=snapshots_of(p),
+        contacts=Moments(interval(p.contacts), "events" in p.contacts, "stages" in p.contacts),
+        events=Events(p.inertial_number / p.inertial_time),
     )
+
+
+def snapshots_of(params: GrainParams) -> Moments:
+    """Moments of grains.nc in a stage of shear, besides the ends of stages that are kept."""
+    words = params.snapshots
+    if not words:
+        return Moments(SNAPSHOT_STRAIN if params.pieces_of_one == 1 else BREAKING_STRAIN)
+    return Moments(interval(words), "events" in words, "stages" in words)
 
 
 def _spacing(params: GrainParams, dt: float, sample: Sample, velocity: float | None) -> Spacing:

@@ -124,6 +124,7 @@ class RunLoop:
                 "layer": self.layer.memory.as_plain(),
                 "rows": self.recorder.rows,
                 "snapshots": self.recorder.snapshots,
+                "moments": self.recorder.moments,
                 "id": self.recorder.id,
                 "parameters": self.identity,
                 "rate": self._rate,
@@ -147,7 +148,7 @@ class RunLoop:
         position.since, position.slip = self.sim.time, layer.slip
         self.recorder.begin_stage(stage.name, position.stage + 1, stage.cycle, position.slip)
         position.before = {name: self.drives.value(name, position.thickness) for name in stage.drives}
-        position.memory, position.snapshots, position.samples, position.rows = stage.until.begin(layer), 0, 0, 0
+        position.memory, position.samples, position.rows = stage.until.begin(layer), 0, 0
         position.next_sample, position.begun = self.sim.step + stage.spacing.sample_steps(0), True
         self._drive(stage, stage.drives)
 
@@ -175,12 +176,19 @@ class RunLoop:
         row = self.recorder.row()
         position.samples, position.rows = 0, position.rows + 1
         ended = stage.until.met(self.layer, row, position.memory)
-        if stage.snapshot_strain and self.layer.strain >= (position.snapshots + 1) * stage.snapshot_strain:
-            self.recorder.snapshot()
-            position.snapshots += 1
+        self._record_moments(stage, row)
         self._time()
         self.report(stage, row)
         return ended
+
+    def _record_moments(self, stage: Stage, row: Mapping[str, Any]) -> None:
+        """Write the grains and their contacts, if this row is one of their moments."""
+        marks = self.position.marks
+        event = (stage.snapshots.events or stage.contacts.events) and stage.events.changed(row, marks)
+        if stage.snapshots.due("snapshots", row, event, marks):
+            self.recorder.snapshot()
+        if stage.contacts.due("contacts", row, event, marks):
+            self.recorder.moment()
 
     def _advance(self, pending: signals.Pending) -> None:
         """Run to the next sample; a checkpoint is written, and a signal obeyed, wherever this finds it due."""
@@ -207,15 +215,21 @@ class RunLoop:
         self._rate = steps * len(self.sim) / seconds if steps else self._rate
 
     def _end(self, stage: Stage) -> None:
-        """Go to the next stage, with a snapshot, unless that is in the file, and a checkpoint if the end is kept."""
-        position = self.position
+        """Go to the next stage, with what the files have at its end, and a checkpoint if the end is kept."""
+        position, recorder = self.position, self.recorder
         position.ended = None
-        ended = {"position": position.as_plain(), "snapshots": self.recorder.snapshots}
+        ended = {"position": position.as_plain(), "snapshots": recorder.snapshots, "moments": recorder.moments}
         kept = stage.kept or position.stage + 1 == len(self.schedule)
-        if kept and self.recorder.grains.last_time < self.sim.time:
-            self.recorder.snapshot()
+        if (kept or stage.snapshots.at_end) and recorder.grains.last_time < self.sim.time:
+            recorder.snapshot()
+        if stage.contacts.at_end:
+            recorder.moment()
         self.position = Position(
-            position.stage + 1, thickness=position.thickness, shear_since=position.shear_since, ended=ended
+            position.stage + 1,
+            thickness=position.thickness,
+            shear_since=position.shear_since,
+            marks=position.marks,
+            ended=ended,
         )
         if kept:
             self.keep_checkpoint()

@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from workflows.protocol.conditions import Condition, Memory
+from workflows.protocol.moments import Events, Marks, Moments
 
+NO_MOMENTS, NO_RATE = Moments(), Events(0.0)
 FIRST_STAGE = "generate"  # of the row and the snapshot before the schedule begins
 
 
@@ -92,8 +94,11 @@ class Stage:
         Number of the repetition that it belongs to, from 1 on; 0: of none.
     kept
         Whether its end has a snapshot in grains.nc and a checkpoint; of many short stages not every one does.
-    snapshot_strain
-        Shear strain from snapshot to snapshot of grains.nc [1]; None: one at the end of the stage.
+    snapshots, contacts
+        Moments at which grains.nc and contacts.nc are written, besides the end of a stage that is kept, where grains.nc
+        always is.
+    events
+        What counts as an event.
     """
 
     name: str
@@ -102,7 +107,9 @@ class Stage:
     drives: Mapping[str, Change] = field(default_factory=dict)
     cycle: int = 0
     kept: bool = True
-    snapshot_strain: float | None = None
+    snapshots: Moments = NO_MOMENTS
+    contacts: Moments = NO_MOMENTS
+    events: Events = NO_RATE
 
 
 @dataclass
@@ -129,13 +136,13 @@ class Position:
         Of the layer at that time [m].
     before
         {name: value} of what this stage changes, as it was.
-    snapshots
-        Taken in this stage.
+    marks
+        What the moments of grains.nc and contacts.nc remember, from stage to stage.
     memory
         Of the condition that ends the stage.
     ended
-        Position at the last row of the stage before, and the snapshots in grains.nc then: a finished run whose last
-        stage is made longer goes on from there.
+        Position at the last row of the stage before, and what was in grains.nc and contacts.nc then: a finished run
+        whose last stage is made longer goes on from there.
     """
 
     stage: int = 0
@@ -148,7 +155,7 @@ class Position:
     since: float = 0.0
     slip: float = 0.0
     before: dict[str, float] = field(default_factory=dict)
-    snapshots: int = 0
+    marks: Marks = field(default_factory=dict)
     memory: Memory = field(default_factory=dict)
     ended: dict[str, Any] | None = None
 

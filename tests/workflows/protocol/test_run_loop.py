@@ -1,9 +1,11 @@
 """The run loop with stand-ins for grains and files: stages, samples, and a run that stops anywhere and goes on."""
 
+import contextlib
 import itertools
 import json
 import math
 import signal
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +16,7 @@ from workflows.common import signals
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol import run_loop
 from workflows.protocol.conditions import Reached, Settled
+from workflows.protocol.moments import Events, Moments, checked_words, interval
 from workflows.protocol.resume import STATE, Start, _check_same_run, start_of
 from workflows.protocol.run_loop import RunLoop
 from workflows.protocol.schedule import Change, Position, Spacing, Stage
@@ -27,7 +30,7 @@ class World:
         self.strain = self.slip = self.load = 0.0
         self.thickness = 2.0
         self.dt, self.sim, self.memory, self.grains = 1.0, self, self, self
-        self.rows, self.snapshots, self.lines, self.pictures = 0, 0, [], []
+        self.rows, self.snapshots, self.lines, self.pictures, self.contacts = 0, 0, [], [], []
         self.id = "run"
         self.samples, self.saved, self.last_time = [], resumed, -1.0
         self.set_at = []
@@ -69,36 +72,55 @@ class World:
         self.thickness = max(1.0, self.thickness - 0.4)
         self.lines.append((self.step, *self.stage, sum(self.samples), len(self.samples)))
         self.rows, self.samples = self.rows + 1, []
-        return {"platen_normal_stress": self.load}
+        moving = {"plate_velocity": 1e-3 * (self.step % 50) ** 2, "load_point_velocity": 0.04, "spring_stretch": 0.0}
+        return {"platen_normal_stress": self.load, "shear_strain": self.strain} | moving
 
     def snapshot(self):
         self.pictures.append((self.step, self.state, self.stage[0]))
         self.snapshots, self.last_time = self.snapshots + 1, self.time
+
+    def moment(self):
+        if not self.contacts or self.contacts[-1][0] < self.step:
+            self.contacts.append((self.step, self.state, self.stage[0]))
+
+    @property
+    def moments(self):
+        return len(self.contacts)
 
     def flush(self):
         pass
 
     def as_plain(self):
         names = ("step", "state", "velocity", "strain", "slip", "load", "thickness", "samples", "lines", "pictures")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in (*names, "contacts")}
 
     def restore(self, values):
         vars(self).update(values)
         self.lines = [tuple(line) for line in self.lines]
         self.pictures = [tuple(picture) for picture in self.pictures]
+        self.contacts = [tuple(moment) for moment in self.contacts]
 
     def keep_checkpoint(self, run_state):
         self.saved = json.dumps(run_state)
 
 
-def schedule(strain=3.0):
-    """Consolidation, shear, and a hold."""
-    return [
-        Stage("press", Settled(1.0, within=1000.0), Spacing(14, 2)),
-        Stage("shear", Reached(strain=2.0), Spacing(15, 3), {"shear_rate": Change(0.01)}, snapshot_strain=0.5),
-        Stage("hold", Reached(time=40.0), Spacing(3, 1), {"velocity": Change(0.0)}),
+def schedule(strain=3.0, stages=4):
+    """Consolidation, shear, and a hold; contacts by strain, at events, at the end of the hold and of the last stage."""
+    all_stages = [
+        Stage("press", Settled(1.0, within=1000.0), Spacing(14, 2), contacts=Moments(at_end=True)),
+        Stage(
+            "shear",
+            Reached(strain=2.0),
+            Spacing(15, 3),
+            {"shear_rate": Change(0.01)},
+            snapshots=Moments(0.5),
+            contacts=Moments(0.3),
+        ),
+        Stage("hold", Reached(time=40.0), Spacing(3, 1), {"velocity": Change(0.0)}, contacts=Moments(events=True)),
         Stage("again", Reached(strain=strain, slip=100.0), Spacing(15, 3), {"velocity": Change(0.02)}),
-    ]
+    ][:stages]
+    all_stages[-1] = replace(all_stages[-1], contacts=replace(all_stages[-1].contacts, at_end=True))
+    return all_stages
 
 
 @pytest.fixture
@@ -106,7 +128,7 @@ def go(monkeypatch, tmp_path):
     """go(world, stages, start): run a schedule to its end or to the signal; returns the loop, or None."""
     monkeypatch.setattr(signals, "SAME_REQUEST_S", 0.0)  # or signals of one test after the other would count as one
     previous = signals.install()
-    for name in ("run.nc", "grains.nc"):
+    for name in ("run.nc", "grains.nc", "contacts.nc"):
         (tmp_path / name).write_text("")
 
     def run(world, stages, start=None):
@@ -129,10 +151,12 @@ def go(monkeypatch, tmp_path):
 
         monkeypatch.setattr(lsm.checkpoints, "restore_last", restore_last)
         files = SimpleNamespace(attrs={"id": "run"})
-        monkeypatch.setattr(lsm, "open_run", lambda path: files)
+        monkeypatch.setattr(lsm, "opened_run", lambda path: contextlib.nullcontext(files))
         start, damage = start_of(world, stages, tmp_path, Stopwatch(), {"seed": 1})
-        world.rows, world.snapshots = start.keep
+        world.rows, world.snapshots, moments = start.keep
         world.lines, world.pictures = world.lines[: world.rows], world.pictures[: world.snapshots]
+        assert len(world.contacts) >= moments
+        del world.contacts[moments:]
         world.last_time = world.pictures[-1][0]
         assert damage == "" and len(world.lines) == world.rows and len(world.pictures) == world.snapshots
         assert run(world, stages, start)
@@ -154,6 +178,56 @@ def test_a_schedule_is_gone_through_stage_by_stage(go):
     shots = [picture[2] for picture in world.pictures]
     assert shots == ["generate", "press", *["shear"] * 4, "hold", "again"]
     assert loop.position.stage == 4 and world.velocity == 0.02
+    moments = [moment[2] for moment in world.contacts]
+    assert moments == ["press", *["shear"] * 6, *["hold"] * moments.count("hold"), "again"] and "hold" in moments
+
+
+def row(strain=0.0, velocity=0.0, **more):
+    """A row of a layer on a spring, whose load point moves at 0.1."""
+    sprung = {"spring_stretch": 0.0, "load_point_velocity": 0.1, "layer_thickness": 2.0}
+    return {"shear_strain": strain, "plate_velocity": velocity} | sprung | more
+
+
+def test_moments_lie_at_the_first_row_beyond_each_multiple_of_the_strain():
+    """Rows 0.004 apart, and multiples of 0.01; then back, where noise about the last multiple gives none."""
+    due, marks = Moments(0.01).due, {}
+    strains = [round(0.004 * i, 6) for i in range(1, 14)]
+    assert [s for s in strains if due("a", row(s), False, marks)] == [0.012, 0.02, 0.032, 0.04, 0.052]
+    back = [0.05, 0.052, 0.046, 0.0499, 0.04, 0.041, 0.039, 0.03]
+    assert [s for s in back if due("a", row(s), False, marks)] == [0.04, 0.03]
+    assert not Moments().due("a", row(7.0), True, {}) and Moments(events=True).due("a", row(), True, {})
+
+
+def test_an_event_begins_far_above_the_load_velocity_and_ends_below_it():
+    changed, marks = Events(rate=0.05).changed, {}
+    velocities = [0.1, 0.9, 1.1, 5.0, 0.2, 0.09, 0.8, -3.0, -0.05, 0.1]
+    assert [v for v in velocities if changed(row(velocity=v), marks)] == [1.1, 0.09, -3.0, -0.05]
+    # While the load point rests, the rate times the thickness stands for its velocity.
+    rests = {"load_point_velocity": 0.0}
+    assert [v for v in velocities if changed(row(velocity=v, **rests), marks)] == [1.1, 0.09, -3.0, -0.05]
+    imposed = {"shear_strain": 0.0, "plate_velocity": 9.0, "load_point_velocity": 0.1, "layer_thickness": 2.0}
+    assert not changed(imposed, marks)
+    assert not changed(imposed | {"imposed_shear_stress": math.nan}, marks)
+    assert changed(imposed | {"imposed_shear_stress": 3e6}, marks)
+
+
+def test_rows_in_which_bonds_broke_are_events():
+    changed, marks = Events(rate=0.05).changed, {}
+    assert [n for n in (9, 9, 7, 7, 6, 5) if changed({"bond_count": n}, marks)] == [7, 6, 5]
+
+
+def test_words_for_moments():
+    assert checked_words(["every=0.01", "events"]) == ["every=0.01", "events"]
+    assert interval(["stages", "every=0.25"]) == 0.25 and interval(["events"]) is None
+    for words, message in (
+        (["often"], "^must be every=STRAIN"),
+        (["every=0"], "from 1e-06 to 1000"),
+        (["every=nan"], "from 1e-06 to 1000"),
+        (["end", "end"], "only once"),
+        (["every=0.1", "every=0.2"], "only once"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            checked_words(words)
 
 
 def test_a_run_that_stops_anywhere_goes_on_as_if_it_had_not(go, monkeypatch):
@@ -166,6 +240,7 @@ def test_a_run_that_stops_anywhere_goes_on_as_if_it_had_not(go, monkeypatch):
         assert go.run(stopped, schedule()) is None and stopped.step - stop < 11
         resumed = go.resume(stopped.saved, schedule())
         assert resumed.lines == whole.lines and resumed.pictures == whole.pictures
+        assert resumed.contacts == whole.contacts
         assert resumed.state == whole.state
 
 
@@ -175,6 +250,7 @@ def test_a_finished_run_can_be_made_longer(go):
     resumed = go.resume(short.saved, schedule(strain=1.5))
     assert short.lines != long.lines
     assert resumed.lines == long.lines and resumed.pictures == long.pictures and resumed.state == long.state
+    assert resumed.contacts == long.contacts
     same = go.resume(short.saved, schedule(strain=0.61))
     assert same.lines == short.lines and same.pictures == short.pictures
 
@@ -182,10 +258,11 @@ def test_a_finished_run_can_be_made_longer(go):
 @pytest.mark.parametrize("stages", [1, 2, 3])
 def test_a_finished_run_goes_on_through_more_stages(go, stages):
     short, long = World(), World()
-    assert go.run(short, schedule()[:stages]) and go.run(long, schedule())
+    assert go.run(short, schedule(stages=stages)) and go.run(long, schedule())
     assert len(short.lines) < len(long.lines)
     resumed = go.resume(short.saved, schedule())
     assert resumed.lines == long.lines and resumed.pictures == long.pictures and resumed.state == long.state
+    assert resumed.contacts == long.contacts
 
 
 @pytest.mark.parametrize(("strain", "speed"), [(0.5, 40.0), (0.01, float("nan"))])
@@ -266,7 +343,7 @@ def test_checkpoints_of_something_else_are_refused(tmp_path, state, message):
     """As stopped.nc under another name, which holds no place in a schedule."""
     whole = dict.fromkeys(STATE) | state if state else {}
     with pytest.raises(lsm.InputError, match=message):
-        _check_same_run(whole, Path("checkpoint.nc"), tmp_path, {"seed": 1})
+        _check_same_run(whole, Path("checkpoint.nc"), [tmp_path / "run.nc"], {"seed": 1})
 
 
 def test_rows_lie_closer_after_a_change_and_then_ever_wider(go):
