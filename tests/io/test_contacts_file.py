@@ -65,6 +65,12 @@ def check(path):
     return count
 
 
+def room(path):
+    """Moments that the file has room for."""
+    with netCDF4.Dataset(path) as file:
+        return len(file.dimensions["time"])
+
+
 def filled(path, count, **options):
     file = writer(path, **options)
     for i in range(count):
@@ -80,7 +86,7 @@ def test_moments_are_read_while_the_run_goes_on_and_fit_the_file_at_its_end(tmp_
     for i in range(11):
         file.append(*moment(i))
         assert check(path) == i + 1 == len(file)
-    assert lsm.open_run(path).sizes["time"] == 16 and lsm.open_run(path).run_status == "running"
+    assert room(path) == 16 and lsm.open_run(path).run_status == "running"
     file.close("complete")
     dataset = lsm.open_run(path)
     assert check(path) == 11 and dataset.run_status == "complete"
@@ -180,7 +186,7 @@ def test_a_damaged_file_is_refused_by_its_name(tmp_path):
     path.write_bytes(data[:-10])
     with pytest.raises(lsm.InputError, match=r"contacts\.nc: holds 8 whole rows of contacts, fewer than the 9 to keep"):
         writer(path, keep=4)
-    with pytest.raises(lsm.InputError, match=r"contacts\.nc: cannot be read \(it counts 9 records and holds 8\)"):
+    with pytest.raises(lsm.InputError, match=r"contacts\.nc: cannot be read \(it counts 9 \w+ and holds 8\)"):
         lsm.open_run(path)
     path.write_bytes(data[:900])
     with pytest.raises(lsm.InputError, match=r"contacts\.nc"):
@@ -228,4 +234,4 @@ def test_a_disk_without_room_for_a_copy_keeps_the_moments(tmp_path, monkeypatch)
     monkeypatch.setattr(contacts_file, "create_record_file", full)
     file.close("failed")
     assert check(path) == 3 and lsm.open_run(path).run_status == "failed"
-    assert lsm.open_run(path).sizes["time"] == contacts_file.ROOM and not os.listdir(tmp_path)[1:]
+    assert room(path) == contacts_file.ROOM and not os.listdir(tmp_path)[1:]

@@ -101,7 +101,7 @@ def test_files_cut_off_are_refused_and_trailing_bytes_ignored(tmp_path):
     assert check_snapshots(path, "complete") == 3
     for data in (whole[:-1], whole[:-900]):
         path.write_bytes(data)
-        with pytest.raises(lsm.InputError, match=r"cannot be read \(it counts 3 records and holds [12]\), must be"):
+        with pytest.raises(lsm.InputError, match=r"cannot be read \(it counts 3 snapshots and holds [12]\), must be"):
             lsm.open_run(path)
     for share in (0.01, 0.3, 0.6):
         path.write_bytes(whole[: int(share * len(whole))])

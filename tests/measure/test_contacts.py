@@ -16,7 +16,8 @@ def discs(runtime):
     position = [(0.2, 5.0), (9.5, 5.0), (5.0, 0.49), (4.0, 8.0), (5.2, 8.0)]
     scene = scenes.scene(
         position,
-        [lsm.LinearElastic(K), lsm.CoulombFriction(MU, K)],
+        [lsm.LinearElastic(K), lsm.ViscousDamping(restitution=0.7), lsm.CoulombFriction(MU, K)],
+        track_contacts=True,
         diameter=[1.0, 0.5, 1.0, 1.0, 1.5],
         lengths=(10.0, np.inf),
         periodic=(True, False),
@@ -96,12 +97,46 @@ def test_forces_and_velocities_obey_newton(discs):
     assert velocity == pytest.approx(0.5 * (before + after), abs=EXACT * np.abs(velocity).max())
 
 
+def test_forces_energies_and_losses_of_contacts_add_up(discs):
+    """At each step of collisions with each other and the floor, in which contacts begin and end."""
+    discs.reset(discs.scene)
+    velocity = np.array([(-2.0, 1.0), (1.0, 0.0), (3.0, -4.0), (0.5, 2.0), (0.0, -2.0)])
+    scenes.reload(discs, dt=2e-4, velocity=velocity, angular_velocity=np.full((5, 1), 3.0))
+    lost, parted, counts = 0.0, 0.0, set()
+    for _ in range(300):
+        discs.run(1)
+        table = discs.contacts()
+        power = float(table.dissipated_power.sum() + table.parted_power)
+        now = float(discs.state.dissipated.to_numpy().sum())
+        assert power * discs.dt == pytest.approx(now - lost, abs=scenes.tolerance(1e-12, 1e-5) * max(now, 1.0))
+        lost, parted = now, parted + abs(float(table.parted_power))
+        counts.add(table.sizes["contact"])
+        if table.sizes["contact"]:
+            check_parts_of(table, EXACT * K)
+    assert len(counts) > 2 and parted > 0.0 and lost > 1.0
+
+
+def check_parts_of(table, rounding):
+    """Elastic part and energy of linear contacts; the rest is what the dashpot remembers."""
+    depth = table.overlap.values
+    assert table.elastic_normal_force.values == pytest.approx(K * depth, abs=rounding)
+    assert table.dissipative_normal_force.values == pytest.approx(table.history_damping_force.values, abs=rounding)
+    whole = table.elastic_normal_force + table.dissipative_normal_force
+    assert table.normal_force.values == pytest.approx(whole.values, abs=rounding)
+    stored = 0.5 * K * (depth**2 + table.history_tangential_spring.values**2)
+    assert table.elastic_energy.values == pytest.approx(stored, abs=rounding)
+    assert (table.first_patch == 0).all() and (table.second_patch == np.where(table.second_id < 0, -1, 0)).all()
+
+
 def test_two_spheres_in_space_and_two_across_a_gap(spheres):
     sim, direction = spheres
     touching, apart = (sim.contacts().isel(contact=c) for c in (0, 1))
     assert touching.normal.values == pytest.approx(direction, abs=EXACT)
     assert float(touching.overlap) == pytest.approx(0.01, rel=scenes.tolerance(1e-12, 1e-4))
     assert float(touching.normal_force) == pytest.approx(0.01 * K - 100.0, rel=scenes.tolerance(1e-12, 1e-4))
+    assert float(touching.dissipative_normal_force) == pytest.approx(0.0, abs=EXACT * K)
+    assert touching.point.values - touching.arm.values == pytest.approx([0.0, 0.0, 0.0], abs=EXACT)
+    assert np.isnan(touching.dissipated_power) and np.isnan(sim.contacts().parted_power)  # the scene does not keep it
     assert touching.point.values == pytest.approx(0.495 * direction, abs=EXACT)
     assert (apart.first_id, apart.second_id) == (2, 3)
     assert float(apart.overlap) == pytest.approx(-0.02, rel=scenes.tolerance(1e-12, 1e-4))

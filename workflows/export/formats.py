@@ -20,7 +20,10 @@ MODULES = {
 }
 LIBRARIES = {"vtk": "pyvista", "gsd": "gsd.hoomd"}
 # What an export leaves in a folder: removed before another one is written over it.
-WRITTEN = ("grains*.vtp", "grains.pvd", "grains.gsd", "grains.lammpstrj", "grains_*.data", "grains.xyz", "*.csv")
+WRITTEN = (
+    *("grains*.vtp", "grains.pvd", "contacts*.vtp", "contacts.pvd"),
+    *("grains.gsd", "grains.lammpstrj", "grains_*.data", "grains.xyz", "*.csv"),
+)
 GRAINS = "grains.nc"
 
 
@@ -60,7 +63,7 @@ def export_run(folder: Path, out: Path, form: str, times: str | None = None, eve
     path = folder / GRAINS
     if form == "csv" and not path.is_file():
         _begin(out)
-        return csv_tables.write_tables(folder, out), 0
+        return [*csv_tables.write_tables(folder, out), *_write_contacts(folder, out, form, times or "all", every)], 0
     if not path.is_file():
         raise InputError(f"{folder}: holds no {GRAINS}, which --format {form} needs{_runs_within(folder)}")
     with lsm.opened_run(path) as dataset:
@@ -70,12 +73,28 @@ def export_run(folder: Path, out: Path, form: str, times: str | None = None, eve
         snapshots = Snapshots(dataset, chosen(dataset.time.values, wanted, every))
         if form == "csv":
             _begin(out)
-            return [*csv_tables.write_tables(folder, out), csv_tables.write_grains(snapshots, out)], len(snapshots)
+            paths = [*csv_tables.write_tables(folder, out), csv_tables.write_grains(snapshots, out)]
+            return [*paths, *_write_contacts(folder, out, form, wanted, every)], len(snapshots)
         module = importlib.import_module(f"workflows.export.{MODULES[form]}")
         if form in LIBRARIES:  # before anything is written
             library(LIBRARIES[form], f"--format {form}", "export")
         _begin(out)
-        return [module.write(snapshots, out)], len(snapshots)
+        return [module.write(snapshots, out), *_write_contacts(folder, out, form, wanted, every)], len(snapshots)
+
+
+def _write_contacts(folder: Path, out: Path, form: str, times: str, every: int) -> list[Path]:
+    """Write the contacts of a run, if the format can hold them and there are any; returns the file to open."""
+    from workflows.export import contact_moments
+
+    path = folder / contact_moments.CONTACTS
+    write = {"vtk": contact_moments.write_lines, "csv": contact_moments.write_rows}.get(form)
+    if write is None or not path.is_file():
+        return []
+    import taichi_lsm as lsm
+
+    with lsm.opened_run(path) as dataset:
+        moments = contact_moments.ContactMoments(dataset, times, every)
+        return [write(moments, out)] if len(moments) else []
 
 
 def _begin(out: Path) -> None:

@@ -122,11 +122,11 @@ class Snapshots:
             raise lsm.InputError(f"snapshot {number}: no grain has a finite position; leave it out by --times")
         now = now.isel(grain=grain)
         count, time = len(grain), float(now.time)
-        place = _in_space(now.position.values)
+        place = in_space(now.position.values)
         cell = _cell(now, place, self.lengths)
         share = np.linalg.solve(cell.matrix, (place - cell.origin).T).T
         image = np.where(cell.periodic, np.floor(share), 0.0).astype(int)
-        velocity = _in_space(now.velocity.values)
+        velocity = in_space(now.velocity.values)
         if "cell_shear_rate" in now:
             velocity[:, 0] -= image[:, 1] * float(now.cell_shear_rate) * float(now.cell_height)
         turning = now.angular_velocity.values if "angular_velocity" in now else np.zeros(count)
@@ -148,21 +148,40 @@ class Snapshots:
         )
 
 
-def _in_space(vectors: NDArray) -> NDArray:
+def in_space(vectors: NDArray) -> NDArray:
     """Vectors (n, 3) of vectors (n, dim)."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 def _cell(now: xarray.Dataset, place: NDArray, lengths: NDArray) -> Cell:
     """The box of a snapshot whose grains are at these places (n, 3)."""
-    dim, reach = now.sizes["space"], now.bounding_radius.values[:, None]
+    reach = now.bounding_radius.values[:, None]
     low, high = (place - reach).min(axis=0), (place + reach).max(axis=0)
-    axes = PERIODIC[len(lengths)]
-    axes = list(axes[dim] if isinstance(axes, dict) else axes)
-    periodic = np.isin(np.arange(3), axes)
-    matrix, origin = np.diag(high - low), np.where(periodic, 0.0, low)
+    periodic = periodic_axes(len(lengths), now.sizes["space"])
+    return Cell(edges_of(now, lengths, periodic, high - low), np.where(periodic, 0.0, low), periodic)
+
+
+def periodic_axes(lengths: int, dim: int) -> NDArray:
+    """Which of three axes are periodic (3,), of the number of periodic lengths."""
+    axes = PERIODIC[lengths]
+    return np.isin(np.arange(3), axes[dim] if isinstance(axes, dict) else axes)
+
+
+def edges_of(now: xarray.Dataset, lengths: NDArray, periodic: NDArray, others: NDArray) -> NDArray:
+    """Edges of the cell as columns (3, 3) [m] at the time of `now`.
+
+    Parameters
+    ----------
+    now
+        What is known of that time: the height and the shift of a cell that is sheared.
+    lengths, periodic
+        Periodic lengths [m], and the axes (3,) along which they lie.
+    others
+        Lengths (3,) along the other axes [m].
+    """
+    matrix, (axes,) = np.diag(np.asarray(others, float)), np.nonzero(periodic)
     matrix[axes, axes] = lengths
     if "cell_height" in now:  # sheared: the image above is displaced along x, by at most half a length
         matrix[1, 1], shift = float(now.cell_height), float(now.cell_shift)
         matrix[0, 1] = shift - lengths[0] * np.round(shift / lengths[0])
-    return Cell(matrix, origin, periodic)
+    return matrix

@@ -1,0 +1,116 @@
+"""Contacts of a contacts.nc, one moment at a time: as lines for VTK, as rows for CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import taichi_lsm as lsm
+from workflows.common.libraries import library
+from workflows.export.csv_tables import tables_of
+from workflows.export.selection import chosen
+from workflows.export.snapshots import edges_of, in_space, periodic_axes
+from workflows.export.vtk_series import write_series
+
+if TYPE_CHECKING:
+    import xarray
+    from pyvista import PolyData
+
+CONTACTS = "contacts.nc"
+VALUES = (  # of a line
+    *("first_id", "second_id", "sliding", "bonded", "overlap", "normal_force"),
+    *("elastic_energy", "dissipated_power"),
+)
+
+
+class Moment(NamedTuple):
+    """The contacts of one moment: its place in the file from 0 on, its time [s], and its rows in memory."""
+
+    number: int
+    time: float
+    rows: xarray.Dataset
+
+
+class ContactMoments:
+    """Those moments of a contacts.nc that are wanted; each is read when it is its turn.
+
+    Parameters
+    ----------
+    dataset
+        The file, as `lsm.opened_run` gives it.
+    times, every
+        Which moments, see `selection.chosen`; none if no moment lies there.
+    """
+
+    def __init__(self, dataset: xarray.Dataset, times: str = "all", every: int = 1) -> None:
+        self.dataset = dataset
+        moments = dataset.time.values[np.isfinite(dataset.time.values)]  # the rest is room for more
+        self.digits = len(str(max(0, len(moments) - 1)))
+        self.ends = np.concatenate([[0], np.cumsum(dataset.row_size.values)])
+        self.numbers = np.zeros(0, int)
+        if len(moments):
+            try:
+                self.numbers = chosen(moments, times, every)
+            except lsm.InputError:  # times at which there are snapshots of the grains alone
+                return
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __iter__(self) -> Iterator[Moment]:
+        for number in map(int, self.numbers):
+            rows = slice(int(self.ends[number]), int(self.ends[number + 1]))
+            now = self.dataset.isel(time=number, contact=rows).load()
+            yield Moment(number, float(now.time), now)
+
+
+def write_lines(moments: ContactMoments, out: Path) -> Path:
+    """Write contacts.pvd and its files to the folder `out`; returns its path."""
+    return write_series(out, "contacts", ((m.number, m.time, lines_of(m.rows)) for m in moments), moments.digits)
+
+
+def write_rows(moments: ContactMoments, out: Path) -> Path:
+    """Write contacts.csv to the folder `out`, a row for each contact of each moment; returns its path.
+
+    Points are those of the file, which are not wrapped into the cell.
+    """
+    with lsm.replacing(out / "contacts.csv") as new, open(new, "w", encoding="utf-8", newline="") as file:
+        for place, moment in enumerate(moments):
+            table = tables_of(moment.rows)["contact"]
+            for name in ("shear_strain", "stage"):
+                table.insert(0, f"{name}{' [1]' * (name != 'stage')}", moment.rows[name].item())
+            table.insert(0, "time [s]", moment.time)
+            table.to_csv(file, index=False, header=place == 0)
+    return out / "contacts.csv"
+
+
+def lines_of(now: xarray.Dataset) -> PolyData:
+    """The contacts of one moment as lines from the first centre to that of the nearest image of the second.
+
+    Lines begin within the periodic cell and may reach over its border, as the surfaces of grains do; at a wall they end
+    at the contact. Cells have the values of VALUES, in SI units, and tangential_force [N], its magnitude.
+    """
+    pyvista = library("pyvista", "lsm export --format vtk", "export")
+    begin = within_cell(now, in_space((now.point - now.arm).values))
+    count = len(begin)
+    points = np.concatenate([begin, begin + in_space(now.branch.values)])
+    cells = np.stack([np.full(count, 2), np.arange(count), count + np.arange(count)], axis=1)
+    mesh = pyvista.PolyData(points, lines=cells.ravel()) if count else pyvista.PolyData()
+    for name in VALUES:
+        mesh.cell_data[name] = now[name].values
+    mesh.cell_data["tangential_force"] = np.linalg.norm(now.tangential_force.values, axis=1)
+    mesh.field_data["TimeValue"] = [float(now.time)]
+    return mesh
+
+
+def within_cell(now: xarray.Dataset, place: NDArray) -> NDArray:
+    """Places (n, 3) [m], moved by whole periods into the cell."""
+    lengths = np.atleast_1d(np.asarray(now.attrs.get("periodic_lengths", ()), float))
+    periodic = periodic_axes(len(lengths), now.sizes["space"])
+    matrix = edges_of(now, lengths, periodic, np.ones(3))
+    image = np.where(periodic, np.floor(np.linalg.solve(matrix, place.T).T), 0.0)
+    return place - image @ matrix.T
