@@ -1,6 +1,7 @@
 """Does a snapshot cost more the more there are? `python -m benchmarks.snapshot_cost`.
 
-Appends snapshots of spheres at random places to a grains.nc in the present folder, and prints how long each took.
+Appends snapshots of spheres at random places to a grains.nc in the present folder, and prints how long each took. With
+`--shares` they share their way to the disk, as those of a run do.
 """
 
 import argparse
@@ -18,7 +19,7 @@ COUNTS = (1, 10, 100, 300)
 MEDIAN_OF = 5  # appends, the last ones
 
 
-def append_seconds(path: Path, grains: int, snapshots: int) -> list[float]:
+def append_seconds(path: Path, grains: int, snapshots: int, shares: bool = False) -> list[float]:
     """Seconds of every append [s] to a new file at `path`."""
     static = {
         **dict.fromkeys(("mass", "bounding_radius", "shape_scale"), np.ones(grains)),
@@ -33,7 +34,7 @@ def append_seconds(path: Path, grains: int, snapshots: int) -> list[float]:
         "patch_edge_radius": [0.0],
     }
     attributes = lsm.file_attributes("Cost of snapshots", "Random numbers", "", 1, 1.0, "cpu", "f64")
-    writer = GrainsWriter(path, static, static_rows(3), snapshot_rows(3), attributes)
+    writer = GrainsWriter(path, static, static_rows(3), snapshot_rows(3), attributes, shares=shares)
     random, seconds = np.random.default_rng(1), []
     for i in range(snapshots):
         arrays = {v.name: random.random((grains, 4 if v.name == "orientation" else 3)) for v in snapshot_rows(3)}
@@ -49,9 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--grains", type=int, default=2000)
     parser.add_argument("--snapshots", type=int, default=COUNTS[-1])
+    parser.add_argument("--shares", action="store_true")
     given = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(dir=".") as folder:
-        seconds = append_seconds(Path(folder) / "grains.nc", given.grains, given.snapshots)
+        seconds = append_seconds(Path(folder) / "grains.nc", given.grains, given.snapshots, given.shares)
+    print(f"{given.snapshots} snapshots: {sum(seconds):.2f} s")
     for count in COUNTS:
         if count <= given.snapshots:
             print(f"snapshot {count}: {1e3 * np.median(seconds[max(count - MEDIAN_OF, 0) : count]):.0f} ms")

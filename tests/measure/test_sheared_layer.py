@@ -86,6 +86,28 @@ def test_stress_is_the_mean_over_planes_of_the_forces_that_cross_them(consolidat
     assert -shear == pytest.approx(row["shear_stress"], abs=2e-3 * STRESS)
 
 
+def test_stress_of_a_slab_is_that_of_its_contacts_cut_at_its_borders(consolidated):
+    """Of branch vectors what lies in the slab counts; the rest of the stress is that of moving grains."""
+    sim, layer, _ = consolidated
+    bottom, top = layer.plane[0], layer.plane[1] + sim.platens.displacement.to_numpy()[1, 1]
+    low, high = bottom + 2.0 * layer.diameter, top - 4.3 * layer.diameter
+    sums = sim.measure.sums(low, high, 1.0)
+    contacts = sim.contacts()
+    force = (contacts.normal_force * contacts.normal + contacts.tangential_force).values
+    begin = (contacts.point - contacts.arm).values[:, 1]
+    ends = np.sort(np.stack([begin, begin + contacts.branch.values[:, 1]]), axis=0)
+    inside = np.clip(np.minimum(ends[1], high) - np.maximum(ends[0], low), 0.0, None) / np.diff(ends, axis=0)[0]
+    stress = np.einsum("c,ca,cb->ab", inside, force, contacts.branch.values)
+    place, mass = sim.positions, sim.scene.masses()[0]
+    moving = (sim.scene.platen_index < 0) & (place[:, 1] >= low) & (place[:, 1] < high)
+    mass, velocity = mass[moving], sim.velocities[moving]
+    momentum = mass @ velocity
+    stress += (mass[:, None] * velocity).T @ velocity - np.outer(momentum, momentum) / mass.sum()
+    assert stress == pytest.approx(sums["stress_volume"], abs=scenes.tolerance(1e-12, 1e-5) * np.abs(stress).max())
+    assert 0 < (inside == 0.0).sum() < len(inside) and ((inside > 0.01) & (inside < 0.99)).sum() > 5
+    assert float(contacts.elastic_energy.sum()) == pytest.approx(sums["elastic_energy"], rel=scenes.tolerance(1e-12))
+
+
 def test_porosity_thickness_and_coordination_are_those_counted_by_hand(consolidated):
     sim, layer, row = consolidated
     scene = sim.scene
