@@ -69,9 +69,7 @@ def grain_variables(spec: Any) -> list[Variable]:
             row("travel", "", "f64", "m", "upper bound of the path length of the farthest surface point so far"),
         ]
     if spec.has_equivalent_radius:
-        rows.append(
-            row("equivalent_radius", "", "real", "m", "radius of the disc of equal area or sphere of equal volume")
-        )
+        rows.append(row("equivalent_radius", "", "real", "m", "radius of the disc or sphere of equal area or volume"))
     if spec.sheared:
         rows.append(row("shear_work", "", "f64", "J", "work of shearing the cell on the contacts of the own row"))
     if spec.cell_servo:
@@ -79,8 +77,7 @@ def grain_variables(spec: Any) -> list[Variable]:
     if spec.tracks_dissipation:
         rows.append(row("dissipated", "channel", "f64", "J", "energy dissipated, by effect"))
     if spec.keeps_losses:
-        long_name = "energy dissipated in the last step by contacts of the own row that ended in it"
-        rows.append(row("parted_loss", "", "f64", "J", long_name))
+        rows.append(row("parted_loss", "", "f64", "J", "loss in the last step of contacts of the own row that ended"))
     return rows
 
 

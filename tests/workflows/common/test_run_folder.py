@@ -98,7 +98,7 @@ def test_every_file_that_the_code_names_is_known():
     named -= {".{CONFIG}.part", "{name}.nc", "{name}.svg"}  # .config.toml.part; checkpoints, pictures
     named -= {"sweep.nc", "{run.label}.toml"}  # of a sweep, whose folder nothing overwrites; neither do these
     named -= {"sensitivity.nc", "sensitivity.svg", "posterior.nc", "calibration.svg"}
-    named -= {"grains.csv", "grains.gsd", "grains.lammpstrj", "grains.xyz", "{name}.pvd"}  # exports clear their folder
+    named -= {"grains.csv", "contacts.csv", "grains.gsd", "grains.lammpstrj", "grains.xyz", "{name}.pvd"}  # of exports
     assert named <= WRITTEN, named - WRITTEN
 
 
