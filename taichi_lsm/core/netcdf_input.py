@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 HEAP = b"GCOL\x01\0\0\0"  # signature, version, three reserved bytes; then 8 bytes: the size
 HEAP_HEADER, OBJECT_HEADER = 16, 16  # bytes
 MOST_PACKED = 1100  # bytes that deflate makes of one, at most 1032, and a margin
+CLASSIC = b"CDF"  # begin of a file of the classic format
 WINDOW = 2**13  # bytes that the library reads of its header at a time; in memory it refuses one that ends before
 IN_MEMORY = 2**28  # bytes of a file that is read as a whole
 SMALL = 2**24  # bytes that any file may declare
@@ -46,6 +47,8 @@ def opened_netcdf(path: Path) -> "Iterator[netCDF4.Dataset]":
     # By its content and not by its name: the library crashes where a file that is open elsewhere in the process, as by
     # xarray, is opened and closed again.
     content = path.read_bytes() if path.stat().st_size <= IN_MEMORY else None
+    if content is not None and content.startswith(CLASSIC):
+        content += bytes(WINDOW)
     with netCDF4.Dataset(path, memory=content) as dataset:
         dataset.set_auto_mask(False)
         _require_moderate(dataset, path.stat().st_size)

@@ -109,7 +109,7 @@ def read_steps(sim, tracked):
         damping = contacts.history_damping_force.values
         assert contacts.dissipative_normal_force.values == pytest.approx(damping, abs=bound * scale)
     if tracked:
-        assert rows > READ and (sliding > 0 or "mindlin" in [e.name for e in sim.effects])
+        assert rows > READ // 3 and (sliding > 0 or "mindlin" in [e.name for e in sim.effects])
         check_patches(sim, contacts)
     return parted
 

@@ -7,7 +7,7 @@ from workflows.gouge.layer_parameters import LayerParams
 from workflows.gouge.layer_scene import LARGEST_SPEED
 from workflows.gouge.shear_stages import shear_stages
 from workflows.protocol.conditions import Settled
-from workflows.protocol.moments import Moments, interval
+from workflows.protocol.moments import Events, Moments, interval
 from workflows.protocol.schedule import Spacing, Stage
 
 SETTLE_TIMES = 300.0  # inertial times d sqrt(rho/P) that consolidation may take after the platen has come down
@@ -34,7 +34,9 @@ def layer_schedule(params: LayerParams, dt: float, thickness: float) -> list[Sta
         CONSOLIDATE,
         until=Settled(p.normal_stress, (SETTLE_TIMES + falling) * p.inertial_time),
         spacing=settling_rows(p, dt),
+        snapshots=Moments(events="events" in p.snapshots),
         contacts=settling_contacts(p),
+        events=Events(rate=float("inf")),  # only bonds: no platen is as fast
     )
     return [consolidate, *shear_stages(p, dt)]
 
@@ -46,5 +48,6 @@ def settling_rows(params: GrainParams, dt: float) -> Spacing:
 
 
 def settling_contacts(params: GrainParams) -> Moments:
-    """Moments of contacts.nc in a consolidation: at its end, which is the begin of the shear."""
-    return Moments(at_end="stages" in params.contacts or interval(params.contacts) is not None)
+    """Moments of contacts.nc in a consolidation: at its end, which is the begin of the shear, and where bonds broke."""
+    words = params.contacts
+    return Moments(events="events" in words, at_end="stages" in words or interval(words) is not None)

@@ -14,7 +14,7 @@ import taichi_lsm as lsm
 from workflows.common import signals
 from workflows.common.stopwatch import Stopwatch
 from workflows.protocol.resume import Start
-from workflows.protocol.schedule import FIRST_STAGE, Position, Stage
+from workflows.protocol.schedule import FIRST_STAGE, NO_RATE, Position, Stage
 
 CHECKPOINT_S = 60.0  # of wall clock between two checkpoints, or
 CHECKPOINT_COST = 50.0  # times as long as one takes, if that is more
@@ -99,7 +99,7 @@ class RunLoop:
         with signals.held() as pending:
             if self.position == Position():
                 self.recorder.begin_stage(FIRST_STAGE, 0)
-                self.recorder.row()
+                NO_RATE.changed(self.recorder.row(), self.position.marks)  # what is there before any event
                 self.recorder.snapshot()
             while self.position.stage < len(self.schedule):
                 stage = self.schedule[self.position.stage]
