@@ -84,7 +84,7 @@ class Events:
         """Whether an event began or ended in this row of run.nc, or bonds broke; changes `marks`."""
         broke = row.get("bond_count", 0) < marks.get("bonds", 0)
         if "bond_count" in row:
-            marks["bonds"] = row["bond_count"]
+            marks["bonds"] = int(row["bond_count"])
         slipped = marks.get("slips", False)
         marks["slips"] = self._slips(row, slipped)
         return broke or marks["slips"] != slipped
@@ -95,7 +95,7 @@ class Events:
             return False
         load = 0.0 if pushed else abs(row["load_point_velocity"])
         slow = load or self.rate * row["layer_thickness"]
-        return abs(row["plate_velocity"]) > (slow if slipped else FAST * slow)
+        return bool(abs(row["plate_velocity"]) > (slow if slipped else FAST * slow))
 
 
 def checked_words(words: Sequence[str]) -> list[str]:
