@@ -280,7 +280,7 @@ class Walls:
         return contact, depth, arm, feature
 
     @ti.func
-    def evaluate(self, forces: ti.template(), k, dt):
+    def evaluate(self, forces: ti.template(), k, dt, noted):
         """Add the contacts of grain k with all walls to the sums of its row; glued grains do not touch walls."""
         g = forces.grains
         if g.platen_index[k] < 0:
@@ -289,10 +289,10 @@ class Walls:
                 # By the bounding sphere; a contact that ended in this step is evaluated once more.
                 near = self.height(w, g.position[k]) < g.radius[k] - forces.geometry.least_depth()
                 if near or self.row_status[r] != 0:
-                    self.wall_contact(forces, k, w, r, dt)
+                    self.wall_contact(forces, k, w, r, dt, noted)
 
     @ti.func
-    def wall_contact(self, forces: ti.template(), k, w, r, dt):
+    def wall_contact(self, forces: ti.template(), k, w, r, dt, noted):
         """Apply force, torque and impulse of wall w to grain k and store in row r those on the wall."""
         g = forces.grains
         contact, depth, arm, feature = self.contact(forces, k, w, dt)
@@ -342,7 +342,7 @@ class Walls:
                             g.angular_impulse[k] = g.angular_impulse[k] - torque_of(arm, size * contact.normal)
             self.row_status[r] = ti.cast(status, ti.i8)
             if ti.static(self.spec.keeps_losses):
-                if status & (TOUCHING | ACTING) == 0:
+                if noted == 1 and status & (TOUCHING | ACTING) == 0:
                     g.parted_loss[k] = g.parted_loss[k] + self.row_loss[r]
             self.marked[g.id[k] // BLOCK] = 1  # a benign race: every thread writes the same number
 

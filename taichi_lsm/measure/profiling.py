@@ -42,7 +42,7 @@ class StageTimer:
         for t in range(1):
             block = self.forces.block(0)
             for _ in range(repeats):
-                self.forces.evaluate_rows(block, 0, self.grains.count[None], 0.0)
+                self.forces.evaluate_rows(block, 0, self.grains.count[None], 0.0, 0)
 
     @ti.kernel
     def platen_sums(self, repeats: ti.i32):

@@ -30,8 +30,7 @@ class ContactForces(EffectSet):
         self.crosses_seams = spec.onset and spec.remembers_features
         self.correction = OnsetCorrection(spec, geometry, self.contact_effects, self.contact_type)
         self.load_type = self._load_type()
-        self.width = block_width()
-        channels = self.contact_channel_count if spec.tracks_dissipation else 0
+        self.width, channels = block_width(), self.contact_channel_count if spec.tracks_dissipation else 0
         self.block = contact_block_type(spec, self.needs, channels, self.crosses_seams)
 
     def _load_type(self):
@@ -40,15 +39,17 @@ class ContactForces(EffectSet):
         return ti.types.struct(force=linear, torque=angular, impulse=linear, angular_impulse=angular)
 
     @ti.func
-    def evaluate_rows(self, block: ti.template(), first, last, dt):
+    def evaluate_rows(self, block: ti.template(), first, last, dt, noted):
         """Evaluate the contacts in the rows of grains first to last - 1 and store their forces.
 
         Pairs are oriented from the lower id. A pair that has just parted is evaluated once more, so that what its
-        history holds is added to the dissipated energy and the history is cleared.
+        history holds is added to the dissipated energy and the history is cleared. noted: 1 in a step after which the
+        contacts can be read, the last one of a launch: their losses are then noted, if they are kept.
         """
         pairs = self.pairs
         cleared = first
         s, end = pairs.row_start[first], pairs.row_start[last]
+        self.forget_parted(first, last, noted)
         while s < end:
             stop = ti.min(s + self.width, end)
             # A block may span several rows: the sums of a row begin before its first pair is stored.
@@ -59,12 +60,13 @@ class ContactForces(EffectSet):
             count = self.contact_kinematics(block, near, dt)
             self.apply_effects(block, count, dt)
             self.store_results(block, count, dt)
+            self.note_losses(block, count, noted)
             s = stop
         for k in range(cleared, last):
             self.clear_sums(k)
         if ti.static(self.spec.walls > 0):
             for k in range(first, last):
-                self.walls.evaluate(self, k, dt)
+                self.walls.evaluate(self, k, dt, noted)
 
     @ti.func
     def clear_sums(self, k):
@@ -79,8 +81,6 @@ class ContactForces(EffectSet):
             g.torque[k] = ti.Vector([ti.cast(0.0, self.real)] * self.rotation_size)
         if ti.static(self.spec.has_angular_impulses):
             g.angular_impulse[k] = ti.Vector([ti.cast(0.0, self.real)] * self.rotation_size)
-        if ti.static(self.spec.keeps_losses):
-            g.parted_loss[k] = ti.cast(0.0, ti.f64)
 
     @ti.func
     def find_near_pairs(self, block: ti.template(), first, count):
@@ -286,14 +286,13 @@ class ContactForces(EffectSet):
             if ti.static(self.spec.history > 0):
                 pairs.history[s] = get(block, "memory", i, self.spec.history)
             if ti.static(self.spec.tracks_dissipation and self.contact_channel_count > 0):
-                self.store_losses(block, i, s, k)
+                for channel in ti.static(range(self.contact_channel_count)):
+                    lost = ti.cast(block["lost" + AXIS[channel]][i], ti.f64)
+                    g.dissipated[k][channel] = g.dissipated[k][channel] + lost
             status = block.status[i]
             if ti.static(self.spec.onset):
                 status += self.store_onset(block, i, s, k, dt)
             pairs.status[s] = ti.cast(status, ti.i8)
-            if ti.static(self.spec.keeps_losses):
-                if status & (TOUCHING | ACTING) == 0:  # it is no row of the table of contacts
-                    g.parted_loss[k] = g.parted_loss[k] + pairs.pair_loss[s]
             if ti.static(self.spec.sheared):
                 self.geometry.add_to_cell(k, s, f, status, dt)
 
@@ -312,8 +311,8 @@ class ContactForces(EffectSet):
             size, lost = self.correction.end_impulse(k, l, s, branch, touching, depth, n, arm_k, arm_k - branch, dt)
             if size != 0.0:
                 self.add_lost_at_onset(k, lost)
-                if ti.static(self.spec.keeps_losses):
-                    pairs.pair_loss[s] = pairs.pair_loss[s] + ti.cast(lost, ti.f64)
+                if ti.static(self.spec.keeps_losses and len(self.dashpots) > 0):
+                    self.add_to_block(block, i, lost)
                 impulse = size * n
                 self.store_impulse(s, k, impulse, -torque_of(arm_k, impulse), torque_of(arm_k - branch, impulse))
                 result = HAS_IMPULSE

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from ..contact.contact_block import AXIS
+from ..contact.pair_storage import ACTING, TOUCHING
 from ..core.rotation import rotational_velocity, velocity_turned_back
 from ..core.runtime import ti
 from ..effects import Effect, contact_type
@@ -146,16 +147,38 @@ class EffectSet:
         return contact
 
     @ti.func
-    def store_losses(self, block: ti.template(), i, s, k):
-        """Add what the contact in place i of the block dissipated to the channels of grain k; slot s may keep it."""
-        g = self.grains
-        by_all = ti.cast(0.0, ti.f64)
-        for channel in ti.static(range(self.contact_channel_count)):
-            lost = ti.cast(block["lost" + AXIS[channel]][i], ti.f64)
-            g.dissipated[k][channel] = g.dissipated[k][channel] + lost
-            by_all += lost
+    def forget_parted(self, first, last, noted):
+        """If losses are noted: begin the sums over contacts that end in this step, in rows first to last - 1."""
         if ti.static(self.spec.keeps_losses):
-            self.pairs.pair_loss[s] = by_all
+            if noted == 1:
+                for k in range(first, last):
+                    self.grains.parted_loss[k] = ti.cast(0.0, ti.f64)
+
+    @ti.func
+    def note_losses(self, block: ti.template(), count, noted):
+        """If losses are noted: store what all effects dissipated at each of the first `count` contacts of the block.
+
+        Of one that has ended in this step, which is no row of the table of contacts, at its first grain. A loop of its
+        own: in the one over all steps a branch for each contact would cost more than this does.
+        """
+        if ti.static(self.spec.keeps_losses):
+            if noted == 1:
+                g, pairs = self.grains, self.pairs
+                for i in range(count):
+                    s = block.slot[i]
+                    lost = ti.cast(0.0, ti.f64)
+                    for channel in ti.static(range(self.contact_channel_count)):
+                        lost += ti.cast(block["lost" + AXIS[channel]][i], ti.f64)
+                    pairs.pair_loss[s] = lost
+                    if pairs.status[s] & (TOUCHING | ACTING) == 0:
+                        k = pairs.first_slot[s]
+                        g.parted_loss[k] = g.parted_loss[k] + lost
+
+    @ti.func
+    def add_to_block(self, block: ti.template(), i, lost):
+        """Add a loss at the onset [J] to those of the contact in place i of the block, for `note_losses`."""
+        channel = ti.static(self.channel_of(self.dashpots[0]))
+        block["lost" + AXIS[channel]][i] = block["lost" + AXIS[channel]][i] + lost
 
     @ti.func
     def add_lost(self, k, effect: ti.template(), lost):

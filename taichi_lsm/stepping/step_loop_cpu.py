@@ -92,7 +92,8 @@ class StepLoopCPU:
             if drifts:
                 going = ti.cast(self.validity.outdated[None] != 1 + step, ti.i32)
             if going == 1:
-                self.evaluate_contacts(t, block, step, ti.select(mode == STARTED, 0.0, self.scheme.dt[None]))
+                dt = ti.select(mode == STARTED, 0.0, self.scheme.dt[None])
+                self.evaluate_contacts(t, block, step, dt, ti.cast(step == count - 1, ti.i32))
                 flag = self.stages.error_flags.code[None]  # of this step, or of one that other threads have begun
         return going, flag
 
@@ -150,11 +151,11 @@ class StepLoopCPU:
         self.team.barrier(t, stage)
 
     @ti.func
-    def evaluate_contacts(self, t, block: ti.template(), step, dt):
+    def evaluate_contacts(self, t, block: ti.template(), step, dt, noted):
         """CONTACTS: forces of the contacts at the new positions, a row of the list for each grain."""
         stage = STAGES * step + CONTACTS
         share = self.team.claim(t, stage)
         while share >= 0:
-            self.forces.evaluate_rows(block, self.team.first_slot[share], self.team.first_slot[share + 1], dt)
+            self.forces.evaluate_rows(block, self.team.first_slot[share], self.team.first_slot[share + 1], dt, noted)
             share = self.team.finish(t, stage)
         self.team.barrier(t, stage)

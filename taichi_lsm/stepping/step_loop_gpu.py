@@ -94,14 +94,14 @@ class StepLoopGPU:
         for k in range(self.grains.count[None]):
             if self.stages.halted[None] == 0:
                 block = self.forces.block(0)
-                self.forces.evaluate_rows(block, k, k + 1, self.scheme.dt[None])
+                self.forces.evaluate_rows(block, k, k + 1, self.scheme.dt[None], 1)
 
     @ti.kernel
     def contacts_only(self, steps: ti.f64):
         """Contacts at the present positions, which end so many steps: 1, or 0 at the start of a run."""
         for k in range(self.grains.count[None]):
             block = self.forces.block(0)
-            self.forces.evaluate_rows(block, k, k + 1, steps * self.scheme.dt[None])
+            self.forces.evaluate_rows(block, k, k + 1, steps * self.scheme.dt[None], 1)
         self.validity.outdated[None] = 0
         self.stages.halted[None] = 0
         self.sum_boundaries(steps * self.scheme.dt[None])
