@@ -232,7 +232,8 @@ class LayerRecorder:
         status = "complete" if kind is None else "failed" if issubclass(kind, Exception) else "interrupted"
         # Each of these whatever becomes of the others; grains.nc is closed first, as that needs no space on the disk.
         last = [lambda: self.grains.close(status), lambda: self.run.close(status)]
-        last += [lambda: self.contacts.close(status)] * (self.contacts is not None)
+        if contacts := self.contacts:
+            last.append(lambda: contacts.close(status))
         if kind is not None and issubclass(kind, SimulationError):
             last.insert(0, self._snapshot_of_stop)
         failures = []
