@@ -237,6 +237,8 @@ class ContactsWriter:
             self.attributes = resumed_attributes(self.attributes, there)
             for name in self.of_moment:
                 self._moments[name] = list(there[name][:keep])
+            if min(self._moments["row_size"], default=0) < 0:
+                raise ValueError("a moment has fewer than no rows")
             for name in self.text:
                 there[name].set_auto_chartostring(False)
                 self._moments[name] = [row.tobytes().rstrip(b"\0").decode() for row in there[name][:keep]]

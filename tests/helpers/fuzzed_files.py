@@ -26,6 +26,8 @@ import numpy as np
 import taichi_lsm as lsm
 from tests.helpers import output_files, scenes
 from tests.helpers.changed_files import changed
+from tests.io.test_contacts_file import filled, moment
+from tests.io.test_contacts_file import writer as contacts_writer
 from workflows import shear_gouge
 from workflows.cli import inspect_run
 from workflows.common.metrics import Metric, write_summary
@@ -149,6 +151,19 @@ def keep_grains(path):
     writer.close("complete")
 
 
+def contacts_file(folder):
+    """contacts.nc with some moments."""
+    filled(folder / "contacts.nc", 4).close("complete")
+    return folder / "contacts.nc"
+
+
+def keep_contacts(path):
+    """Go on with contacts.nc."""
+    file = contacts_writer(path, keep=2)
+    file.append(*moment(2))
+    file.close("complete")
+
+
 def read_config(path):
     """Parameters of shear-gouge from the file."""
     shear_gouge.check(merge(shear_gouge.Params, None, path, None, "shear-gouge", {"toy": {"speed"}}))
@@ -196,10 +211,12 @@ READERS = {
     "shapes": (shapes_file, read_shapes),
     "run": (functools.partial(of_run, "run.nc"), read_run),
     "grains": (functools.partial(of_run, "grains2.nc"), read_run),
+    "contacts": (contacts_file, read_table),
     "table": (functools.partial(of_run, "compare.nc"), read_table),
     "runs": (functools.partial(of_run, "run.nc"), read_runs),
     "kept run": (functools.partial(of_run, "run.nc"), keep_run),
     "kept grains": (functools.partial(of_run, "grains2.nc"), keep_grains),
+    "kept contacts": (contacts_file, keep_contacts),
     "run as config": (run_with_config, read_config),
     "config": (config_file, read_experiment),
     "part": (part_file, read_part),
@@ -213,17 +230,8 @@ READERS = {
     "obj": (functools.partial(mesh_file, "obj"), read_mesh),
 }
 NETCDF = (
-    "checkpoint",
-    "shapes",
-    "run",
-    "grains",
-    "table",
-    "runs",
-    "kept run",
-    "kept grains",
-    "run as config",
-    "info",
-    "page",
+    *("checkpoint", "shapes", "run", "grains", "contacts", "table", "runs"),
+    *("kept run", "kept grains", "kept contacts", "run as config", "info", "page"),
 )
 GOOD = {}  # kind: path of a good file
 SIMULATION = []  # of a child that reads checkpoints

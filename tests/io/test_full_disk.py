@@ -12,6 +12,7 @@ import pytest
 
 import taichi_lsm as lsm
 from tests.helpers.output_files import grains, grains_writer, run_row, run_writer
+from tests.io.test_contacts_file import writer as contacts_writer
 from tests.io.test_grains_file import snapshot
 
 COUNT = 500  # grains, 0.05 MB in a snapshot
@@ -78,6 +79,31 @@ def test_snapshots_on_a_full_disk(disk):
         writer.close("failed")
     assert lsm.open_run(path).run_status == "failed"
     np.testing.assert_array_equal(lsm.open_run(path).position[:, 0, 0], [0.25, 1.25, 2.25, 3.25])
+
+
+def many_contacts(i, count=2000):
+    """A moment of 0.06 MB."""
+    values = {"shear_strain": 0.1 * i, "parted_power": 0.0, "stage": "shear"}
+    whole = np.full(count, i)
+    return 0.5 * i, values, {"first_id": whole, "sliding": whole, "normal": np.ones((count, 2)), "normal_force": whole}
+
+
+def test_contacts_on_a_full_disk(disk):
+    """As snapshots; at the end there is no room for a copy without spare moments, and the file is kept as it is."""
+    path = disk / "contacts.nc"
+    writer = contacts_writer(path)
+    for i in range(3):
+        writer.append(*many_contacts(i))
+    full = rf"disk full: 0\.\d MB free in {disk}; make room and resume"
+    with nearly_full(disk, 20000):
+        check_fails(partial(writer.append, *many_contacts(3)), path, full)
+        assert lsm.open_run(path).sizes["contact"] == 6000 and len(writer) == 3
+    writer.append(*many_contacts(3))
+    with nearly_full(disk, 0):
+        writer.close("failed")
+    dataset = lsm.open_run(path)
+    assert dataset.run_status == "failed" and dataset.sizes["contact"] == 8000
+    assert np.isfinite(dataset.time).sum() == 4 and dataset.first_id.values[::2000].tolist() == [0, 1, 2, 3]
 
 
 def test_rows_on_a_full_disk(disk):
