@@ -122,7 +122,7 @@ class ContactsWriter:
         # What is known of every moment: those from `_entered` on have still to be entered in the file.
         self._moments: dict[str, list[Any]] = {name: [] for name in (*self.of_moment, *self.text)}
         self._entered = 0
-        self._make(() if keep is None else self._take_over(keep))
+        self._make(() if keep is None else self._take_over(keep), max(ROOM, (keep or 0) + 1))
 
     def __len__(self) -> int:
         """Number of moments."""
@@ -166,8 +166,7 @@ class ContactsWriter:
         records = self._records(contacts, count)
         if len(self) == self._room:
             self.flush()
-            self._room *= 2
-            self._make(read_records(self.path, self._layout, self._layout.count))
+            self._make(read_records(self.path, self._layout, self._layout.count), 2 * self._room)
         if count:
             self._appender.append([records.tobytes()], count)
         for name, value in moment.items():
@@ -204,16 +203,19 @@ class ContactsWriter:
         require_status(run_status, RUN_STATUS[1:])
         self.flush()
         self.run_status = run_status
-        former, self._room = self._room, max(1, len(self))
         try:
-            self._make(read_records(self.path, self._layout, self._layout.count))
+            self._make(read_records(self.path, self._layout, self._layout.count), max(1, len(self)))
         except SimulationError:
-            self._room = former
             replace_texts(self.path, self._layout, {"run_status": run_status, "date_modified": utc_now()})
 
-    def _make(self, records: Iterable[bytes]) -> None:
-        """Make the file with all moments so far and these rows."""
-        layout = create_record_file(self.path, self._fill, {"run_status": self.run_status}, records)
+    def _make(self, records: Iterable[bytes], room: int) -> None:
+        """Make the file with all moments so far and these rows, and room for so many moments."""
+        former, self._room = self._room, room
+        try:
+            layout = create_record_file(self.path, self._fill, {"run_status": self.run_status}, records)
+        except BaseException:
+            self._room = former  # that of the file that is there
+            raise
         self._appender = RecordAppender(self.path, layout, self.shares)
         self._entered = len(self)
 
@@ -244,7 +246,6 @@ class ContactsWriter:
                 self._moments[name] = [row.tobytes().rstrip(b"\0").decode() for row in there[name][:keep]]
         rows = int(sum(self._moments["row_size"]))
         require_rows(self.path, rows, layout.whole, "whole rows of contacts")
-        self._room = max(ROOM, keep + 1)
         return read_records(self.path, layout, rows)
 
     def _fill(self, dataset: "netCDF4.Dataset") -> None:
