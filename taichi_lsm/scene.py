@@ -103,8 +103,8 @@ class Scene:
     track_dissipation : bool
         Whether the energy that each effect dissipates is added up; the energy budget needs it. Default: True.
     track_contacts : bool
-        Whether what each contact dissipated in the last step is kept, for `Simulation.contacts` and contacts.nc; the
-        motion does not change. Default: False.
+        Whether what each contact dissipated in the last step is kept, for contacts.nc and for the powers of
+        `Simulation.contacts`, which are not a number without it; the motion does not change. Default: False.
     parallel : bool
         Whether the grains are shared among all threads. Default: None, if there are more than 2000.
     guards : Guards

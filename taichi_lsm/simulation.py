@@ -281,20 +281,16 @@ class Simulation:
             units and long_name:
 
             first_id, second_id : persistent ids of the grains; second_id is -1 - w at wall w of `Scene.walls`.
-            first_part, second_part : convex parts in contact, 0 for grains of one part.
-            first_patch, second_patch : patches of the shapes; -1 on an edge, at a wall, or if unknown.
+            first_part, second_part, first_patch, second_patch : where on their shapes; patch -1 on an edge or unknown.
             point, arm : middle of the overlap, beside the first grain; vector to it from the first centre [m].
             normal : unit vector from the first grain to the second, or into the wall.
             branch : vector from the first centre to the nearest image of the second [m]; at a wall, to the contact.
             overlap : depth along the normal [m]; negative for a force across a gap, not a number for a bond.
-            normal_force : [N], positive in compression; the sum of the next two.
-            elastic_normal_force, dissipative_normal_force : of effects that store its work, cohesion too; the rest [N].
+            normal_force : [N], positive in compression: elastic_normal_force, also of cohesion, and a dissipative one.
             tangential_force : on the second grain [N].
-            elastic_energy : of the contact or the bond [J]; history_... : what its effects remember, by name.
-            dissipated_power : by all effects in the last step, over its time; nan without `Scene.track_contacts` [W].
-            parted_power : the same of all contacts that ended in it, which have no row; one number [W].
-            sliding : True where friction is at its limit.
-            bonded : True for an intact bond, which acts in place of a contact; its normal lies along the branch.
+            elastic_energy, history_... : of the contact or the bond [J]; what its effects remember, by name.
+            dissipated_power, parted_power : in the last step, of each and of all that ended in it [W]; see `Scene`.
+            sliding, bonded : True at the limit of friction; True for an intact bond, which acts in place of a contact.
 
         Notes
         -----

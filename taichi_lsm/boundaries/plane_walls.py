@@ -324,13 +324,11 @@ class Walls:
                 # A contact that began or ended inside the step: correct the trapezoidal rule by an impulse.
                 if touching != previous_status & TOUCHING:
                     last, earlier = self.depths_before(forces, k, w, feature, contact.normal, dt)
-                    inverse_effective_mass = forces.geometry.mobility(k, torque_of(arm, contact.normal))
-                    reduced_radius = 0.0 * depth
+                    inverse_mass = forces.geometry.mobility(k, torque_of(arm, contact.normal))
+                    radius = 0.0 * depth
                     if ti.static("reduced_radius" in forces.needs):
-                        reduced_radius = contact.reduced_radius
-                    size, lost = forces.correction.impulse(
-                        touching, depth, last, earlier, inverse_effective_mass, reduced_radius, dt
-                    )
+                        radius = contact.reduced_radius
+                    size, lost = forces.correction.impulse(touching, depth, last, earlier, inverse_mass, radius, dt)
                     if size != 0.0:
                         forces.add_lost_at_onset(k, lost)
                         if ti.static(self.spec.keeps_losses):
