@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,23 +49,18 @@ class ContactMoments:
 
     def __init__(self, dataset: xarray.Dataset, times: str = "all", every: int = 1) -> None:
         self.dataset = dataset
-        moments = dataset.time.values[np.isfinite(dataset.time.values)]  # the rest is room for more
-        self.digits = len(str(max(0, len(moments) - 1)))
-        self.ends = np.concatenate([[0], np.cumsum(dataset.row_size.values)])
+        self.digits = len(str(max(0, dataset.sizes["time"] - 1)))
         self.numbers = np.zeros(0, int)
-        if len(moments):
-            try:
-                self.numbers = chosen(moments, times, every)
-            except lsm.InputError:  # times at which there are snapshots of the grains alone
-                return
+        if dataset.sizes["time"]:
+            with suppress(lsm.InputError):  # of times at which there are snapshots of the grains alone
+                self.numbers = chosen(dataset.time.values, times, every)
 
     def __len__(self) -> int:
         return len(self.numbers)
 
     def __iter__(self) -> Iterator[Moment]:
         for number in map(int, self.numbers):
-            rows = slice(int(self.ends[number]), int(self.ends[number + 1]))
-            now = self.dataset.isel(time=number, contact=rows).load()
+            now = lsm.contacts_at(self.dataset, index=number)
             yield Moment(number, float(now.time), now)
 
 
