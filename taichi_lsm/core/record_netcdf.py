@@ -2,11 +2,11 @@
 
 The file is one of the classic format with 64-bit offsets (CDF-2): a header, the variables of fixed size, then the
 records one behind the other. A record holds one value, or one array, of every variable whose first dimension is
-unlimited. The header counts the records; what lies behind the last counted one does not exist for a reader. So
-records are written behind the end, brought to the disk, and then counted, by writing four bytes. A process that is
-killed at any instant leaves a file with the records counted so far, and an append costs the same however many there
-are. Bringing bytes to the disk takes milliseconds: many appends may share it (`RecordAppender`). The netCDF
-library composes what precedes the records; it does not append them, because it leaves open what reaches the disk first.
+unlimited. The header counts the records; what lies behind the last counted one does not exist for a reader. So records
+are written behind the end, brought to the disk, and then counted, by writing four bytes. A process that is killed at
+any instant leaves a file with the records counted so far, and an append costs the same however many there are. Bringing
+bytes to the disk takes milliseconds, which many appends may share. The netCDF library composes what precedes the
+records; it does not append them, because it leaves open what reaches the disk first.
 
 Format: NetCDF Classic Format Specification, docs.unidata.ucar.edu/netcdf-c/current/file_format_specifications.html
 """
@@ -184,29 +184,11 @@ def create_record_file(
     return replace(layout, count=count, whole=count)
 
 
-def append_record(path: Path, layout: RecordLayout, arrays: Mapping[str, npt.NDArray]) -> RecordLayout:
-    """Write one record behind the last one, then count it; returns the layout with the new count.
-
-    Parameters
-    ----------
-    path, layout
-        The file and its present layout.
-    arrays
-        {name: array without the first dimension}, of the types on file, for all `layout.variables`; texts are S1.
-
-    Raises
-    ------
-    SimulationError
-        If it cannot be written, or the file is not the one that was left here; it then holds the records it held.
-    """
-    appender = RecordAppender(path, layout)
-    appender.append(record_bytes(layout, arrays))
-    appender.flush()
-    return appender.layout
-
-
 def record_bytes(layout: RecordLayout, arrays: Mapping[str, npt.NDArray]) -> list[bytes]:
-    """One record as it lies on file, in parts; arrays: see `append_record`."""
+    """One record as it lies on file, in parts.
+
+    arrays: {name: array without the first dimension}, of the types on file, for all variables; texts are S1.
+    """
     return [_on_file(name, arrays[name], size) for name, size in layout.variables.items()]
 
 
@@ -222,10 +204,8 @@ class RecordAppender:
 
     Attributes
     ----------
-    layout
-        The present one, with what is counted.
-    pending
-        Records that are written and not yet counted: what a kill loses.
+    layout, pending
+        The present one, with what is counted; records that are written and not yet counted, which a kill loses.
     """
 
     def __init__(self, path: Path, layout: RecordLayout, shares: bool = False) -> None:
@@ -283,17 +263,12 @@ def write_entries(path: Path, layout: RecordLayout, first: int, arrays: Mapping[
 
     Parameters
     ----------
-    path, layout
-        The file and its layout.
-    first
-        Index of the first entry along their first dimension.
+    path, layout, first
+        The file, its layout, and the index of the first entry along the first dimension.
     arrays
         {name: entries (m, ...)}, of the types on file.
 
-    Raises
-    ------
-    SimulationError
-        If they cannot be written.
+    Raises SimulationError if they cannot be written.
     """
     with failures_named(path), open(path, "rb+", buffering=0) as file:
         for name, array in arrays.items():
