@@ -6,8 +6,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import taichi_lsm as lsm
 from workflows.common.metrics import shown
 from workflows.gouge.labels import friction_words, grains_of_run, other_effects
@@ -15,9 +13,8 @@ from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import ORANGE, figure_at
 from workflows.plots.comparison_panels import COLOUR
 from workflows.plots.course import course_of
-from workflows.plots.friction_axes import DASHES, SMOOTH_STRAIN, axis_limits, draw_zero, estimate_text, smoothed
 from workflows.plots.layer_pictures import bar_beside, draw_colour_bar, draw_packing, read_snapshot, section_words
-from workflows.plots.run_plots import draw_energy
+from workflows.plots.run_panels import draw_energy, draw_friction
 from workflows.plots.run_titles import params_of, wrapped
 
 BAR = "velocity along the shear /\nvelocity of the upper border [1]"
@@ -30,13 +27,15 @@ def plot_cell(out: str | os.PathLike[str], kind: str = "png") -> Path:
     params, sheared = params_of(dataset), sheared_rows(dataset)
     with figure_at(path, (11, 8)) as figure:
         panels = figure.subplot_mosaic("ab;cd")
-        _draw_friction(panels["a"], sheared, params)
+        draw_friction(panels["a"], sheared, params)
         drawn = draw_packing(panels["b"], read_snapshot(out / "grains.nc"))
-        title = f"(b) cell at strain {float(sheared.shear_strain[-1]):.2g}\n{section_words(params.dim)}"
+        title = f"cell at strain {float(sheared.shear_strain[-1]):.2g}\n{section_words(params.dim)}"
         panels["b"].set_title(title.rstrip())
         draw_colour_bar(figure, drawn, BAR, cax=bar_beside(panels["b"]))
         _draw_filling(panels["c"], sheared, params)
         draw_energy(panels["d"], sheared, course_of(sheared, params), "shear and of the normal stress")
+        for letter, axes in panels.items():
+            axes.set_title(f"({letter}) {axes.get_title(loc='left')}")
         figure.suptitle(wrapped(_conditions(dataset, params, sheared)))
     return path
 
@@ -58,23 +57,6 @@ def _conditions(dataset: Any, params: Any, sheared: Any) -> str:
     )
 
 
-def _draw_friction(axes: Any, sheared: Any, params: Any) -> None:
-    """Friction over strain, with the mean of the steady state."""
-    strain, friction, colour = sheared.shear_strain.values, sheared.friction.values, COLOUR[params.shape]
-    axes.plot(strain, friction, color=colour, lw=0.8, alpha=0.4, label="of a row")
-    axes.plot(strain, smoothed(strain, friction), color=colour, lw=1.7, label=f"mean over strain {SMOOTH_STRAIN:g}")
-    steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
-    since, last = params.steady_from, strain[-1]
-    axes.plot([since, last], [steady.mean] * 2, "k", ls=DASHES, lw=1.2, label=f"steady: {estimate_text(steady)}")
-    if np.isfinite(steady.half_width):
-        axes.fill_between([since, last], *steady.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
-    axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
-    axes.set_ylim(axis_limits(friction, smoothed(strain, friction), steady.interval, space=1.5))
-    axes.set_title("(a) friction: shear stress / normal stress")
-    draw_zero(axes)
-    axes.legend(loc="upper left")
-
-
 def _draw_filling(axes: Any, sheared: Any, params: Any) -> None:
     """Solid fraction, and the normal stress over that which was given on a second scale."""
     strain = sheared.shear_strain.values
@@ -84,4 +66,4 @@ def _draw_filling(axes: Any, sheared: Any, params: Any) -> None:
     second.plot(strain, sheared.cell_normal_stress.values / params.normal_stress, color=ORANGE, lw=0.8, alpha=0.8)
     second.set_ylabel("normal stress / given one [1]", color=ORANGE)
     second.spines["right"].set_visible(True)
-    axes.set_title("(c) solid fraction and normal stress")
+    axes.set_title("solid fraction and normal stress")

@@ -13,20 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.gouge.labels import effect_words, shape_words, spring_words
+from workflows.gouge.labels import shape_words, spring_words
 from workflows.gouge.layer_metrics import sheared_rows
-from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW, figure_at
+from workflows.plots.canvas import figure_at
 from workflows.plots.comparison_panels import COLOUR, curves_of, draw_comparison, draw_published, draw_seeds
-from workflows.plots.course import Course, course_of, pushed, slip_of
-from workflows.plots.friction_axes import (
-    DASHES,
-    SMOOTH_STRAIN,
-    axis_limits,
-    draw_zero,
-    estimate_text,
-    mark_stages,
-    smoothed,
-)
+from workflows.plots.course import course_of
+from workflows.plots.friction_axes import estimate_text
 from workflows.plots.layer_pictures import (
     MIDDLE,
     bar_beside,
@@ -35,14 +27,14 @@ from workflows.plots.layer_pictures import (
     read_snapshot,
     section_words,
 )
+from workflows.plots.run_panels import draw_energy, draw_friction, draw_stages, draw_thickness
 from workflows.plots.run_titles import conditions, params_of, title_of, wrapped
 from workflows.plots.slip_and_breakage import draw_breakage, draw_spring
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 MOST_LISTED = 4  # grains that a title names
-SPACE = 1.5  # length of an axis over what its curves need, for the legend above them
 
 
 def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
@@ -61,17 +53,19 @@ def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
         panels = figure.subplot_mosaic(places)
         friction, packing, thickness, energy = (panels[letter] for letter in "abcd")
         if "cycle" in sheared:
-            _draw_stages(friction, sheared, params, course)
+            draw_stages(friction, sheared, params, course)
         else:
-            _draw_friction(friction, sheared, params)
+            draw_friction(friction, sheared, params)
         drawn = draw_packing(packing, read_snapshot(out / "grains.nc"))
         pieces = ", the pieces of its grains" if "bond_count" in sheared else ""
         # In two lines, since a 3D layer is narrow.
-        title = f"(b) layer at strain {float(sheared.shear_strain[-1]):.2g}{pieces}\n{section_words(params.dim)}"
+        title = f"layer at strain {float(sheared.shear_strain[-1]):.2g}{pieces}\n{section_words(params.dim)}"
         packing.set_title(title.rstrip())
         draw_colour_bar(figure, drawn, cax=bar_beside(packing))
-        _draw_thickness(thickness, sheared, course, COLOUR[params.shape])
+        draw_thickness(thickness, sheared, course, COLOUR[params.shape])
         draw_energy(energy, sheared, course)
+        for letter in "abcd":
+            panels[letter].set_title(f"({letter}) {panels[letter].get_title(loc='left')}")
         for letter, draw in zip("ef", more):
             draw(panels[letter], sheared, letter, course)
         figure.suptitle(title_of(dataset))
@@ -181,96 +175,3 @@ def _complete(table, shape):
 def _estimate(table, shape):
     own = _complete(table, shape)
     return lsm.statistics.combine_replicas(own.friction_mean.values, own.friction_se.values, own.friction_ess.values)
-
-
-def _draw_friction(axes, sheared, params):
-    strain, bulk = sheared.shear_strain.values, sheared.friction.values
-    platen = (sheared.platen_shear_stress / sheared.platen_normal_stress).values
-    colour = COLOUR[params.shape]
-    axes.plot(strain, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
-    axes.plot(strain, smoothed(strain, bulk), color=colour, lw=1.7, label=f"bulk, mean over strain {SMOOTH_STRAIN:g}")
-    axes.plot(strain, smoothed(strain, platen), "k:", lw=1.2, label="the same at the top platen")
-    axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
-    axes.set_title("(a) friction: shear stress / normal stress")
-    steady = lsm.statistics.steady_ratio(sheared.shear_stress, sheared.normal_stress, params.steady_from)
-    since, last = params.steady_from, strain[-1]
-    axes.plot([since, last], [steady.mean] * 2, "k", ls=DASHES, lw=1.2, label=f"steady: {estimate_text(steady)}")
-    if np.isfinite(steady.half_width):
-        axes.fill_between([since, last], *steady.interval, color="black", alpha=0.2, lw=0, zorder=1.5)
-    axes.set_ylim(axis_limits(bulk, smoothed(strain, platen), steady.interval, space=SPACE))
-    draw_zero(axes)
-    axes.legend(loc="upper left")
-
-
-def _draw_stages(axes: Any, sheared: xarray.Dataset, params: Any, course: Course) -> None:
-    """Friction through stages, at the platen as a laboratory measures it; against time with the slip of the platen."""
-    platen, bulk = (sheared.platen_shear_stress / sheared.platen_normal_stress).values, sheared.friction.values
-    colour, imposed = COLOUR[params.shape], pushed(sheared)
-    axes.plot(course.values, bulk, color=colour, lw=0.8, alpha=0.4, label="in the bulk")
-    axes.plot(course.values, platen, color=colour, lw=1.3, label="at the top platen")
-    if imposed.any():
-        ratio = sheared.imposed_shear_stress.values / params.normal_stress
-        axes.plot(course.values, ratio, "k", ls=DASHES, lw=1.2, label="imposed, over --normal-stress")
-    course.name_axis(axes)
-    axes.set(ylabel="friction [1]")
-    axes.set_title("(a) friction: shear stress / normal stress")
-    axes.set_ylim(axis_limits(bulk, platen, space=SPACE))
-    if course.timed:
-        slip = axes.twinx()
-        diameters = 2.0 * slip_of(sheared) / (params.smallest_diameter + params.largest_diameter)
-        slip.plot(course.values, diameters, color="0.35", lw=1.0, ls="-.")
-        slip.set_ylabel("slip [mean diameters] (dash-dotted)")
-        slip.set_ylim(0.0, SPACE * float(diameters[-1]) or 1.0)  # without slip in an oedometer
-        slip.spines["right"].set_visible(True)
-    mark_stages(axes, course.values, sheared)
-    draw_zero(axes)
-    axes.legend(loc="upper left")
-
-
-def _draw_thickness(axes, sheared, course, colour):
-    """Thickness, and porosity as a second scale of the same curve: the volume of the grains does not change."""
-    from matplotlib.ticker import MaxNLocator
-
-    thickness = 1e3 * sheared.layer_thickness.values
-    axes.plot(course.values, thickness, color=colour, lw=1.3)
-    solid = float(np.mean(thickness * (1.0 - sheared.porosity.values)))
-    scales = (lambda height: 1.0 - solid / height, lambda porosity: solid / (1.0 - porosity))
-    second = axes.secondary_yaxis("right", functions=scales)
-    second.set_ylabel("porosity [1]")
-    second.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
-    second.spines["right"].set_visible(True)
-    axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]))
-    course.name_axis(axes)
-    axes.set(ylabel="layer thickness [mm]")
-    axes.set_title("(c) layer thickness and porosity")
-
-
-def draw_energy(axes: Any, sheared: Any, course: Course, drives: str = "platens") -> None:
-    """Work done by the `drives` and where it went, all since shear began; sheared: rows of run.nc since then."""
-    since = sheared - sheared.isel(time=0)
-    lost = since.dissipated_energy.values
-    work, residual = since.external_work.values, np.abs(since.energy_residual.values).max()
-    stored = (since.translational_energy + since.rotational_energy + since.elastic_energy).values
-    unit, factor = _unit(np.abs(work).max())
-    kinds = [i for i in range(lost.shape[1]) if np.any(lost[:, i])]
-    names = [f"dissipated: {effect_words(str(sheared.effect_name.values[i]))}" for i in kinds]
-    axes.stackplot(
-        course.values, factor * lost[:, kinds].T, labels=names, colors=[BLUE, YELLOW, GREEN, PURPLE, ORANGE], alpha=0.75
-    )
-    axes.plot(course.values, factor * work, "k", lw=1.5, label=f"work of the {drives}")
-    axes.plot(course.values, factor * stored, "k:", lw=1.2, label="stored: kinetic and elastic")
-    course.name_axis(axes)
-    axes.set(ylabel=f"energy since shear began [{unit}]")
-    if "cycle" in sheared:  # energy does not rise evenly, and would meet the legend
-        axes.set_ylim(axis_limits(factor * work, factor * stored, factor * lost[:, kinds].sum(axis=1), space=SPACE))
-    axes.legend(loc="upper left", reverse=True)
-    share = residual / max(float(sheared.work_throughput[-1]), 1e-300)
-    axes.set_title(f"(d) energy budget; residual at most {100 * share:.1g} % of the work")
-
-
-def _unit(greatest):
-    """(unit with prefix, factor) that brings an energy [J] to between 1 and 1000."""
-    for prefix, factor in (("", 1.0), ("m", 1e3), ("µ", 1e6), ("n", 1e9)):
-        if greatest * factor >= 1.0:
-            return prefix + "J", factor
-    return "pJ", 1e12

@@ -33,8 +33,18 @@ def draw_stack(axes: Any, stack: xarray.Dataset, name: str, size: float, colour:
     axes.set(xlim=(slip[0], slip[-1]), xlabel="slip since the step [mean diameters]")
 
 
-def draw_work(axes: Any, dataset: xarray.Dataset, stages: tuple[str, ...], names: tuple[str, ...]) -> None:
-    """Shares of the dissipated energy by effect, one bar for each of these stages, which have these names."""
+def draw_work(
+    axes: Any,
+    dataset: xarray.Dataset,
+    stages: tuple[str, ...],
+    names: tuple[str, ...],
+    columns: int = 3,
+    least: float = 8.0,
+) -> None:
+    """Shares of the dissipated energy by effect, one bar for each of these stages, which have these names.
+
+    columns: of the legend; least: share whose number has room in its bar [%].
+    """
     shares = lsm.statistics.work_by_stage(sheared_rows(dataset)).share.sel(stage=list(stages))
     left = np.zeros(len(stages))
     shown = [str(e) for e in shares.effect.values if float(np.abs(shares.sel(effect=e)).max()) > LEAST_SHARE]
@@ -42,12 +52,12 @@ def draw_work(axes: Any, dataset: xarray.Dataset, stages: tuple[str, ...], names
         values = 100.0 * shares.sel(effect=effect).values
         axes.barh(names, values, left=left, color=colour, alpha=0.8, label=effect_words(effect))
         for row, (start, value) in enumerate(zip(left, values, strict=True)):
-            if value > 8.0:
+            if value > least:
                 axes.text(start + 0.5 * value, row, f"{value:.0f} %", ha="center", va="center", fontsize=8.5)
         left = left + values
     axes.set(xlim=(0, 100), xlabel="share of the dissipated energy [%]")
     axes.invert_yaxis()
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
 
 
 def mean_diameter(dataset: xarray.Dataset) -> float:

@@ -8,7 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from tests.helpers.pictures import curves
-from workflows.plots import run_plots
+from workflows.plots import run_panels
 from workflows.plots.course import course_of
 from workflows.plots.friction_axes import mark_stages
 from workflows.plots.slip_and_breakage import draw_spring
@@ -88,14 +88,14 @@ def test_stages_begin_where_the_stage_before_ended():
 
 def test_friction_under_a_stress_has_what_is_imposed_and_the_slip_beside_it():
     axes = Figure().subplots()
-    run_plots._draw_stages(axes, CREPT, PARAMS, course_of(CREPT, PARAMS))
+    run_panels.draw_stages(axes, CREPT, PARAMS, course_of(CREPT, PARAMS))
     drawn = curves(axes)
     assert drawn["at the top platen"][1] == pytest.approx(0.3)
     assert drawn[LINE][1][2:4] == pytest.approx(0.2) and np.isnan(drawn[LINE][1][[0, 1, 4, 5]]).all()
     slip = next(other for other in axes.figure.axes if other is not axes)
     assert slip.lines[0].get_ydata() == pytest.approx([1.0, 2.0, 2.1, 2.3, 3.3, 4.3])
     axes = Figure().subplots()
-    run_plots._draw_stages(axes, FORTH_AND_BACK, PARAMS, course_of(FORTH_AND_BACK, PARAMS))
+    run_panels.draw_stages(axes, FORTH_AND_BACK, PARAMS, course_of(FORTH_AND_BACK, PARAMS))
     assert len(axes.figure.axes) == 1 and LINE not in curves(axes)
 
 

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
 from tests.helpers.pictures import curves, panels
-from workflows.plots import layer_pictures, run_plots, run_titles
+from workflows.plots import layer_pictures, run_panels, run_plots, run_titles
 
 
 def area(outline):
@@ -108,7 +108,7 @@ def test_friction_below_zero_is_inside_the_panel(sheared, shift):
         friction=rows.friction + shift, platen_shear_stress=rows.platen_shear_stress + shift * rows.platen_normal_stress
     )
     axes = Figure().subplots()
-    run_plots._draw_friction(axes, rows, params)
+    run_panels.draw_friction(axes, rows, params)
     drawn = [curves(axes)[label][1] for label in ("in the bulk", "the same at the top platen")]
     least, greatest = min(y.min() for y in drawn), max(y.max() for y in drawn)
     low, high = axes.get_ylim()
