@@ -69,10 +69,7 @@ def read_snapshot(path: Path, index: int = -1, through: int | None = None) -> Sn
         raise lsm.InputError(f"{path}: no grain of the snapshot has a finite position and velocity, so none is drawn")
     now = now.isel(grain=number)
     position, velocity, glued = 1e3 * now.position.values, now.velocity.values[:, 0], now.kind.values == 1
-    height = position[:, 1]
-    platens = height[glued] if glued.any() else height
-    upper = velocity[glued & (height > platens.mean())]
-    velocity = velocity / ((upper.mean() if upper.size else 0.0) or 1.0)
+    velocity = over_top(velocity, position[:, 1], glued)
     if "cell_height" in now:
         position, velocity = _in_cell(now, position)
         period = np.delete(period, 1)
@@ -87,6 +84,13 @@ def read_snapshot(path: Path, index: int = -1, through: int | None = None) -> Sn
         position, velocity, glued, number = position[cut, :2], velocity[cut], glued[cut], number[cut]
     position[:, 0] %= period[0]
     return Snapshot(outlines, position, velocity, glued, period[0], number, len(period) > 1)
+
+
+def over_top(velocity: np.ndarray, height: np.ndarray, glued: np.ndarray) -> np.ndarray:
+    """Velocities (grain,) over that of the glued grains at the top, as they are where these are none or at rest."""
+    platens = height[glued] if glued.any() else height
+    upper = velocity[glued & (height > platens.mean())]
+    return velocity / ((upper.mean() if upper.size else 0.0) or 1.0)
 
 
 def _in_cell(now, position):
@@ -145,31 +149,72 @@ def draw_packing(axes: Any, snapshot: Snapshot, marked: Sequence[int] = ()) -> A
 
     Glued grains are white and hatched, like no colour of the map; those with the numbers `marked` are edged in red.
     """
+    drawn = draw_outlines(axes, snapshot, snapshot.velocity, (0.0, 1.0), marked=marked)
+    frame_layer(axes, snapshot.period, *heights_of(snapshot))
+    return drawn
+
+
+def draw_outlines(
+    axes: Any,
+    snapshot: Snapshot,
+    values: np.ndarray,
+    limits: tuple[float, float],
+    colours: Any = MAP,
+    marked: Sequence[int] = (),
+) -> Any:
+    """Draw the outlines of the grains, those across the border on both sides; returns the collection of the mobile.
+
+    Parameters
+    ----------
+    axes, snapshot
+        Where, and what; the limits of the axes are left as they are.
+    values, limits
+        (grain,) what colours the mobile grains, and the values at both ends of the colours.
+    colours
+        A map of matplotlib.
+    marked
+        Numbers of grains that are edged in red.
+    """
     from matplotlib.collections import PolyCollection
 
-    period, y = snapshot.period, snapshot.position[:, 1]
-    reach = max(np.abs(o).max() for o in snapshot.outlines)
-    polygons, values, edged = {True: [], False: []}, [], []
-    for outline, at, velocity, glued, number in zip(*snapshot[:4], snapshot.number, strict=True):
+    period, reach = snapshot.period, reach_of(snapshot)
+    polygons, shown, edged = {True: [], False: []}, [], []
+    placed = zip(snapshot.outlines, snapshot.position, values, snapshot.glued, snapshot.number, strict=True)
+    for outline, at, value, glued, number in placed:
         # A grain across a border is drawn on both sides; the axes cut off what lies outside.
         shifts = [s for s in (-period, 0.0, period) if -reach < at[0] + s < period + reach]
         polygons[bool(glued)] += [outline + at + (shift, 0.0) for shift in shifts]
-        values += [] if glued else [velocity] * len(shifts)
+        shown += [] if glued else [value] * len(shifts)
         edged += [outline + at + (shift, 0.0) for shift in shifts] if number in marked else []
     axes.add_collection(PolyCollection(polygons[True], facecolor="white", edgecolor="0.25", lw=0.6, hatch="////////"))
-    drawn = PolyCollection(polygons[False], cmap=MAP, edgecolor="black", lw=0.35)
-    drawn.set_array(np.array(values))
-    drawn.set_clim(0.0, 1.0)
+    drawn = PolyCollection(polygons[False], cmap=colours, edgecolor="black", lw=0.35)
+    drawn.set_array(np.array(shown))
+    drawn.set_clim(*limits)
     axes.add_collection(drawn)
     axes.add_collection(PolyCollection(edged, facecolor="none", edgecolor=FAULT, lw=1.8))
-    # The direction of the shear stands above the upper platen: beside the title of a narrow layer is no space for it.
-    # A grain that has flown far away is outside the frame.
+    return drawn
+
+
+def reach_of(snapshot: Snapshot) -> float:
+    """Greatest distance of an outline from its centre [mm]."""
+    return max(np.abs(o).max() for o in snapshot.outlines)
+
+
+def heights_of(snapshot: Snapshot) -> tuple[float, float]:
+    """Heights (low, high) [mm] between which the layer lies; a grain that has flown far away is outside."""
+    y, reach = snapshot.position[:, 1], reach_of(snapshot)
     platens = y[snapshot.glued] if snapshot.glued.any() else y
     beyond = BEYOND * (platens.max() - platens.min())
-    low, high = max(y.min(), platens.min() - beyond) - reach, min(y.max(), platens.max() + beyond) + reach
+    return max(y.min(), platens.min() - beyond) - reach, min(y.max(), platens.max() + beyond) + reach
+
+
+def frame_layer(axes: Any, period: float, low: float, high: float) -> None:
+    """Limits and labels of the axes of a layer between two heights [mm], with the direction of the shear above it.
+
+    It stands above the upper platen: beside the title of a narrow layer is no space for it.
+    """
     space = ARROW_SPACE * (high - low)
     axes.set(xlim=(0, period), ylim=(low, high + space), aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.4}
     at = high + 0.5 * space
     axes.annotate("shear ", (0.98 * period, at), (0.7 * period, at), ha="right", va="center", arrowprops=arrow)
-    return drawn
