@@ -113,9 +113,10 @@ class Snapshots:
         return len(self.numbers)
 
     def __iter__(self) -> Iterator[Frame]:
-        return (self._frame(int(number)) for number in self.numbers)
+        return (self.frame(int(number)) for number in self.numbers)
 
-    def _frame(self, number: int) -> Frame:
+    def frame(self, number: int) -> Frame:
+        """The snapshot at a place in the file; InputError if no grain of it is anywhere."""
         now = self.dataset.isel(time=number).load()
         grain = np.flatnonzero(np.isfinite(now.position.values).all(axis=1))  # a run that failed may have lost some
         if not grain.size:
