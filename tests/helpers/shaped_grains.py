@@ -4,6 +4,7 @@ import numpy as np
 
 from taichi_lsm.core.schema import Variable
 from taichi_lsm.io.grains_file import GrainsWriter, snapshot_rows, static_rows
+from taichi_lsm.io.netcdf_variables import Scalar
 from taichi_lsm.io.run_file import file_attributes
 from taichi_lsm.shapes import PatchSurface, patch_surface
 
@@ -38,8 +39,9 @@ def grains_file(path, shapes, shape_index, scale, periodic=(), glued=(), more=()
     """A writer of such a file; `append_snapshot` adds snapshots. more: further rows of a snapshot."""
     static, dim = constants(shapes, shape_index, scale, glued), shapes[0].dim
     attributes = file_attributes("Grains", "For tests", "", 1, DT, "cpu", "f64") | {"periodic_lengths": list(periodic)}
-    rows = [STRAIN, *more, *snapshot_rows(dim)]
-    return GrainsWriter(path, static, static_rows(dim), rows, attributes, text={"stage": "stage of the run"})
+    rows, text = [STRAIN, *more, *snapshot_rows(dim)], {"stage": "stage of the run"}
+    density = Scalar("density", DENSITY, "density of the grains", "kg m-3")
+    return GrainsWriter(path, static, static_rows(dim), rows, attributes, text=text, scalars=[density])
 
 
 def append_snapshot(writer, time, position, **given):

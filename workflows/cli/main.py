@@ -30,6 +30,7 @@ from workflows.cli.execution import complain, problems_of
 from workflows.cli.export import export
 from workflows.cli.init import init_command
 from workflows.cli.options import options_of, workflow_command
+from workflows.cli.plot import plot
 from workflows.cli.report import report
 from workflows.cli.resume import resume
 from workflows.cli.sensitivity import sensitivity_command
@@ -189,6 +190,7 @@ def build_app(found: dict[str, ModuleType], to_complete: bool = False) -> App:
     app.command(list_names, name="list", group=others_group)
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
+    app.command(plot, name="plot", group=others_group)
     studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
     studies |= {"init": init_command(found), "doctor": doctor, "report": report}
     studies["completion"] = completion_command(lambda: build_app(found, to_complete=True))

@@ -24,6 +24,8 @@ SUMMARY = "summary.json"  # what every run writes last
 OfOneRun = TypeVar("OfOneRun", bound=Params)
 LEFT_BY_KILLS = re.compile(r"\.lock|\..*\.part")  # files of a process that was killed, which hold nothing
 PARTS = "parts"  # folder of the results of parts of an experiment, until it is complete
+PLOTS = "plots"  # folder of the figures and films that are made of a run
+DRAWN = (".png", ".pdf", ".svg", ".gif", ".mp4")  # kinds of files in it
 CHECKPOINTS = ("checkpoint", "checkpoint.previous", "checkpoint.new")
 TEXTS = (CONFIG, SUMMARY, "summary.json.partial", "friction_errors.json", "hard_cases.md", "report.html")
 TABLES = (
@@ -102,8 +104,8 @@ def check_study_folder(out: Path, copy: Path, what: str, same: bool, may: str = 
 
 
 def _within(folder: Path) -> Iterator[Path]:
-    """What a run may write to: everything in its folder, in those of its runs, and in that of its parts."""
-    for pattern in ("*", ".*", "runs/*", "runs/*/*", f"{PARTS}/*"):
+    """What a run may write to: everything in its folder, in those of its runs, parts and figures."""
+    for pattern in ("*", ".*", "runs/*", "runs/*/*", f"{PARTS}/*", f"{PLOTS}/*"):
         yield from folder.glob(pattern)
 
 
@@ -177,6 +179,7 @@ def run_folder(
 def begin_run(params: Params, experiment: str, folder: Path) -> None:
     """Write config.toml, and remove what a run that goes on has to write anew or that tells of a former stop."""
     if (folder / CONFIG).is_file():
+        clear_plots(folder)
         pictures = [folder / f"{name}.{kind}" for name in PICTURES for kind in ("png", "pdf", "svg")]
         for path in (folder / SUMMARY, folder / "stopped.nc", *pictures):
             path.unlink(missing_ok=True)
@@ -272,9 +275,18 @@ def clear(folder: Path) -> None:
         if path.name in WRITTEN - {CONFIG} and not path.is_dir():
             path.unlink()
     shutil.rmtree(folder / PARTS, ignore_errors=True)
+    clear_plots(folder)
     (folder / CONFIG).unlink()
     if folder.parent.name == "runs":
         _remove_if_empty(folder)
+
+
+def clear_plots(folder: Path) -> None:
+    """Remove the figures and films of a run, which are none of another one."""
+    for path in (folder / PLOTS).glob("*"):
+        if path.suffix in DRAWN:
+            path.unlink()
+    _remove_if_empty(folder / PLOTS)
 
 
 def _remove_if_empty(folder: Path) -> None:

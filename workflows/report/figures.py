@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from taichi_lsm.core.errors import reason
+from workflows.common.run_folder import PLOTS
 from workflows.report.parts import Figure, Section
 
-PLOTS = "plots"  # folder of the figures that lsm plot draws
 KINDS = (".png", ".svg")
 MOST_FIGURES = 60
 MOST_BYTES = 2e7  # of a figure

@@ -96,6 +96,7 @@ def test_every_file_that_the_code_names_is_known():
     named -= {"{i}.toml"}  # in a temporary folder
     named -= {"{name}.toml", ".cache"}  # of a sweep or a calibration; that of kernels
     named -= {".{CONFIG}.part", "{name}.nc", "{name}.svg"}  # .config.toml.part; checkpoints, pictures
+    named -= {"{stem}.nc", "sweep.toml"}  # which are read
     named -= {"sweep.nc", "{run.label}.toml"}  # of a sweep, whose folder nothing overwrites; neither do these
     named -= {"sensitivity.nc", "sensitivity.svg", "posterior.nc", "calibration.svg"}
     named -= {"grains.csv", "contacts.csv", "grains.gsd", "grains.lammpstrj", "grains.xyz", "{name}.pvd"}  # of exports
