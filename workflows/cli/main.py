@@ -23,6 +23,7 @@ from cyclopts import (
 
 from taichi_lsm.core.errors import InputError
 from workflows.cli import inspect_run
+from workflows.cli.animate import animate
 from workflows.cli.calibrate import calibrate_command
 from workflows.cli.completion import completion_command
 from workflows.cli.doctor import doctor
@@ -191,6 +192,7 @@ def build_app(found: dict[str, ModuleType], to_complete: bool = False) -> App:
     app.command(sweep_command(found), name="sweep", group=others_group)
     app.command(sweep_plot, name="sweep-plot", group=others_group)
     app.command(plot, name="plot", group=others_group)
+    app.command(animate, name="animate", group=others_group)
     studies = {"calibrate": calibrate_command(found), "sensitivity": sensitivity_command(found)}
     studies |= {"init": init_command(found), "doctor": doctor, "report": report}
     studies["completion"] = completion_command(lambda: build_app(found, to_complete=True))
