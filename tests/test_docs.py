@@ -54,14 +54,16 @@ def test_commands_exist(page):
         if words[0] in ("...", "my-test", "--help", "--version"):
             continue
         others = {"list", "info", "resume", "sweep", "sweep-plot", "calibrate", "sensitivity", "export"}
-        others |= {"report", "init", "doctor", "completion"}
+        others |= {"report", "init", "doctor", "completion", "plot", "animate"}
         assert words[0] in {*found, *others}, match[0]
         options = {word[2:].replace("-", "_") for word in words if word.startswith("--")}
         known = {"out", "config", "preset", "overwrite", "quiet", "strict", "help"}
         known |= {"effects", "presets"} if words[0] == "list" else set()
         known |= {"metric", "against", "colour", "facet", "format"} if words[0] == "sweep-plot" else set()
         known |= {"metric"} if words[0] == "sensitivity" else set()
-        known |= {"format", "times", "every"} if words[0] == "export" else set()
+        known |= {"format", "times", "every"} if words[0] in ("export", "animate") else set()
+        known |= {"what", "times", "format"} if words[0] == "plot" else set()
+        known |= {"what", "fps"} if words[0] == "animate" else set()
         known |= {"scheduler", "jobs", "retries", "format"} if words[0] == "sweep" else set()
         of_runs = found.values() if words[0] == "resume" else [found[words[0]]] if words[0] in found else []
         known |= {name for module in of_runs for name in module.Params.model_fields}
