@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 COLOUR_OF_ZERO = "0.5"
 DASHES = (0, (5, 3))  # of means
 ROOM_OF_LETTER = 0.014  # of the width of the axes
+MOST_LINES = 30  # stages that all have a line
 MARGIN = 0.05  # of the span, below what is negative
 SMOOTH_STRAIN = 0.05  # width of the running mean of curves
 
@@ -51,6 +52,8 @@ def draw_zero(axes: Any) -> None:
 def mark_stages(axes: Any, along: NDArray, sheared: xarray.Dataset) -> None:
     """A line where each stage of a run begins, and the name of those that have room for it, at the foot of the axes.
 
+    Of very many stages only those with a name have a line: others would hide the curves.
+
     along: values (n,) of the rows along the horizontal axis, of which a stage begins at that of the row before it.
     """
     index = sheared.stage_index.values
@@ -59,9 +62,11 @@ def mark_stages(axes: Any, along: NDArray, sheared: xarray.Dataset) -> None:
     ends = [*lines[1:], along[-1]]
     width = axes.get_xlim()[1]
     for row, begin, end in zip(begins, lines, ends, strict=True):
-        axes.axvline(begin, color="0.6", lw=0.7, ls=":", zorder=1)
         name = str(sheared.stage.values[row])
-        if end - begin > ROOM_OF_LETTER * width * len(name):
+        named = end - begin > ROOM_OF_LETTER * width * len(name)
+        if named or len(lines) <= MOST_LINES:
+            axes.axvline(begin, color="0.6", lw=0.7, ls=":", zorder=1)
+        if named:
             middle = 0.5 * (begin + end)
             place = {"transform": axes.get_xaxis_transform(), "ha": "center", "va": "bottom"}
             paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}  # above the line of zero friction

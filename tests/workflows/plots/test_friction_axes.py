@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
-from workflows.plots.friction_axes import axis_limits, draw_zero, estimate_text, running_mean
+from workflows.plots.friction_axes import axis_limits, draw_zero, estimate_text, mark_stages, running_mean
 
 
 def test_a_mean_is_written_with_its_interval_or_with_the_word_unknown():
@@ -40,3 +41,15 @@ def test_zero_is_a_line_where_the_axis_goes_below_it(low):
     axes.set_ylim(low, 1.0)
     draw_zero(axes)
     assert [line.get_ydata()[0] for line in axes.lines] == ([0.0] if low < 0.0 else [])
+
+
+@pytest.mark.parametrize(("stages", "lines"), [(20, 20), (60, 1)])
+def test_very_many_stages_hide_no_curves(stages, lines):
+    """Each stage but the first is too short for its name; the first takes half of the axes."""
+    index = np.concatenate([np.zeros(stages), np.arange(stages)]).astype(int)
+    sheared = xr.Dataset({"stage_index": ("time", index), "stage": ("time", [f"stage {i}" for i in index])})
+    axes = Figure().subplots()
+    along = np.arange(2.0 * stages)
+    axes.set_xlim(0.0, along[-1])
+    mark_stages(axes, along, sheared)
+    assert len(axes.lines) == lines and len(axes.texts) == 1
