@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..core.errors import InputError
 from ..core.whole_files import require_folder_still
 from .checkpoint_file import DamagedCheckpointError, restore_checkpoint, save_checkpoint
+from .checkpoint_names import LAST, NEW, PREVIOUS
 
 if TYPE_CHECKING:
     from ..simulation import Simulation
-
-LAST, PREVIOUS, NEW = "checkpoint.nc", "checkpoint.previous.nc", "checkpoint.new.nc"
 
 
 class Restored(NamedTuple):

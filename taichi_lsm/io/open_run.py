@@ -11,7 +11,7 @@ from ..core.netcdf_input import opened_netcdf, require_memory
 from ..core.record_netcdf import is_record_file
 from ..statistics.contact_moments import whole_moments
 from ..statistics.run_parts import part_of
-from .checkpoints import LAST, NEW, PREVIOUS
+from .checkpoint_names import LAST, NEW, PREVIOUS
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree

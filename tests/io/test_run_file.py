@@ -347,7 +347,7 @@ def test_git_commit_is_that_of_the_package(tmp_path):
 def test_import_is_light():
     code = (
         "import sys; sys.path.insert(0, sys.argv[1]); "
-        "import taichi_lsm.io.grains_file, taichi_lsm.statistics; "
+        "import taichi_lsm.io.grains_file, taichi_lsm.io.open_run, taichi_lsm.statistics; "
         "print([m for m in ('taichi', 'xarray', 'netCDF4', 'arviz_stats') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code, str(ROOT)], capture_output=True, text=True, check=True)
