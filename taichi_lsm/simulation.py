@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import describe
-from .bonds.bond_network import Bonds, FreedContacts
+from .bonds.bond_network import Bonds
 from .bonds.bond_setup import bond_effect
+from .bonds.freed_contacts import FreedContacts
 from .boundaries.driven_cell import cell_of
 from .boundaries.plane_walls import Walls
 from .boundaries.platens import Platens
@@ -191,9 +192,8 @@ class Simulation:
     def restart(self, strain: float = 0.0) -> None:
         """Start again from the present positions and velocities, taken to belong to the same time, without a past.
 
-        No contact remembers anything, nothing has been dissipated, no work has been done. Platens and plane walls are
-        at the places where the scene has them; bonds that are broken stay broken, a cell keeps its height. strain [1]:
-        of a sheared cell at the start.
+        No contact remembers anything, not even a rest overlap; nothing has been dissipated, no work done. Platens and
+        plane walls are where the scene has them, broken bonds stay broken, a cell keeps its height and has this strain.
         """
         self.step = 0
         self._last_good = None

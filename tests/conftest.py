@@ -52,6 +52,7 @@ LONGEST = (  # modules that take most time, in this order; then those of few tes
     "hard/test_controls.py",
     "boundaries/test_plane_walls.py",
     "bonds/test_bond_network.py",
+    "bonds/test_freed_contacts.py",
     "effects/test_every_effect.py",
 )
 

@@ -1,4 +1,4 @@
-"""Bonds between grains: what they store, how they are evaluated, and the contacts that begin when one breaks.
+"""Bonds between grains: what they store, how they are evaluated, and when they break.
 
 A bond belongs to its grain of lower id, which evaluates it; both grains then sum the forces of their bonds in a fixed
 order, by persistent ids, so that the bits depend neither on threads nor on where the grains lie in memory.
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..contact.pair_storage import TOUCHING
 from ..core.allocation import when_allocated, write
 from ..core.fields import allocate, orientation_size, rotation_size
 from ..core.rotation import inverse, product, rotate, torque_of
@@ -209,74 +208,11 @@ class Bonds:
         """Elastic energy of bond b [J], 0 if it is broken."""
         result = ti.cast(0.0, ti.f64)
         if self.intact[b] == 1:
-            u, rotation, e_k, e_l, arm_k, arm_l = self.kinematics(b)
-            result = self.effect.bond_energy(u, rotation, e_k, e_l, self.stiffness[b])
+            result = self.held(b)
         return result
 
-
-@ti.data_oriented
-class FreedContacts:
-    """Contacts that begin because a bond broke, between grains that overlap by more than one step can bring about.
-
-    Parameters
-    ----------
-    bonds : Bonds
-        The bonds of the simulation.
-    forces : ContactForces
-        Contacts of the simulation.
-
-    Notes
-    -----
-    Bonded grains have no contact. When their bond breaks, the elastic energy of the contact appears at once; it is
-    taken from the energy that the fracture dissipated, so that the budget stays closed.
-    """
-
-    def __init__(self, bonds: Bonds, forces: Any) -> None:
-        self.bonds, self.forces, self.grains, self.pairs = bonds, forces, forces.grains, forces.pairs
-        self.stores = [e for e in forces.contact_effects if hasattr(type(e), "contact_energy")]
-
-    def begin(self) -> None:
-        """Begin the contacts of broken bonds; between a rebuild of the list and the evaluation of its contacts."""
-        if self.bonds.broke[None]:
-            self.begin_contacts()
-            self.bonds.broke[None] = 0
-
-    @ti.kernel
-    def begin_contacts(self):
-        """Find the pairs of the bonds that broke in this step and subtract their elastic energy from what was lost."""
-        g, bonds, pairs = self.grains, self.bonds, self.pairs
-        ti.loop_config(serialize=True)
-        for b in range(bonds.count):
-            if bonds.freed[b] == 1:
-                bonds.freed[b] = 0
-                k = g.slot_of[bonds.first_id[b]]
-                for s in range(pairs.row_start[k], pairs.row_start[k + 1]):
-                    if pairs.second_id[s] == bonds.second_id[b]:
-                        gain = ti.cast(self.begin_contact(b, k, pairs.second_slot[s], s), ti.f64)
-                        bonds.contact_gain[b] = bonds.contact_gain[b] + gain
-                        if ti.static(bonds.spec.tracks_dissipation):
-                            g.dissipated[k][bonds.channel] = g.dissipated[k][bonds.channel] - gain
-
     @ti.func
-    def begin_contact(self, b, k, l, s):
-        """Elastic energy [J] of the new contact in list slot s, which then counts as an old one: it has no onset.
-
-        Its force acts through half of this step, too: the other half is subtracted from the force of the bond.
-        """
-        d = self.forces.geometry.shortest(k, l)
-        depth, n, arm_k, arm_l = self.forces.geometry.overlap(k, l, s, d, 0)
-        contact = self.forces.contact_of(k, l, s, depth, n, arm_k, arm_l, 0.0)
-        gain = 0.0 * contact.depth
-        if contact.touching == 1:
-            self.pairs.status[s] = ti.cast(TOUCHING, ti.i8)
-            radius = self.forces.correction.reduced_radius(k, l, s)
-            half = ti.cast(0.5 * self.forces.correction.elastic_force(depth, radius) * n, ti.f64)
-            self.bonds.force[b] = self.bonds.force[b] - half
-            self.bonds.torque_first[b] = self.bonds.torque_first[b] + torque_of(arm_k, half)
-            self.bonds.torque_second[b] = self.bonds.torque_second[b] - torque_of(arm_l, half)
-            for effect in ti.static(self.stores):
-                if ti.static(effect.history_size(self.grains.dim) > 0):
-                    gain += effect.contact_energy(contact, self.forces.history_of(effect, s))
-                else:
-                    gain += effect.contact_energy(contact, 0)
-        return gain
+    def held(self, b):
+        """Elastic energy [J] that bond b has, or would have if it had not broken, at the present placement."""
+        u, rotation, e_k, e_l, arm_k, arm_l = self.kinematics(b)
+        return self.effect.bond_energy(u, rotation, e_k, e_l, self.stiffness[b])

@@ -7,7 +7,7 @@ from ..core.rotation import torque_of, unrotate
 from ..core.runtime import current, ti
 from ..effects.base import LENGTHS
 from .error_flags import OVERLAP
-from .pair_storage import HAS_IMPULSE, PART_BASE
+from .pair_storage import HAS_IMPULSE, PART_BASE, RESTING
 from .primitives import SPHERE_OVERLAP_LIMIT, sphere_overlap
 
 
@@ -78,6 +78,44 @@ class PairGeometry:
         if ti.static(self.spec.reaches):
             least = -self.reach[None]
         return least
+
+    @ti.func
+    def counted_depth(self, s, overlap):
+        """What counts as depth [m] of the overlap [m] of slot s: all but its rest overlap, that of a broken bond."""
+        depth = overlap
+        if ti.static(self.spec.has_rest_overlaps):
+            depth -= self.pairs.rest_overlap[s]
+        return depth
+
+    @ti.func
+    def whole_overlap(self, s, depth):
+        """The overlap [m] of slot s of which this depth [m] counts."""
+        overlap = depth
+        if ti.static(self.spec.has_rest_overlaps):
+            overlap += self.pairs.rest_overlap[s]
+        return overlap
+
+    @ti.func
+    def radii_of_spheres(self, k, l, s):
+        """Radii [m] of two spheres of slot s, each less half of their rest overlap, from which the depth counts."""
+        r_k, r_l = self.grains.radius[k], self.grains.radius[l]
+        if ti.static(self.spec.has_rest_overlaps):
+            half = 0.5 * self.pairs.rest_overlap[s]
+            r_k, r_l = r_k - half, r_l - half
+        return r_k, r_l
+
+    @ti.func
+    def shrink_rest_overlap(self, s, depth):
+        """Let the rest overlap of slot s fall with the overlap, of which `depth` [m] counts; RESTING if some is left.
+
+        It is min(rest overlap, overlap): where the depth has fallen to zero the pair has parted, and what is left of
+        the overlap is no depth until the pair comes closer again. It changes only where no effect acts, so that the
+        energy, a function of the depth alone, is kept; once the grains are apart it is zero for good.
+        """
+        rest = self.pairs.rest_overlap[s]
+        rest = ti.max(rest + ti.min(depth - self.least_depth(), 0.0), 0.0)
+        self.pairs.rest_overlap[s] = rest
+        return ti.select(rest > 0.0, RESTING, 0)
 
     @ti.func
     def equivalent_radius(self, k):
@@ -212,7 +250,8 @@ class PairGeometry:
         """Depth [m], normal k -> l, arm_k and arm_l [m] of grains d = c_l - c_k apart; depth < 0 if they are apart.
 
         Beyond the bounding spheres, Eq. (1), only a pair that touched in the last step (`previous_status`) is examined.
-        The arms run from the centres to the contact point, so that arm_l = arm_k - d.
+        The arms run from the centres to the contact point, so that arm_l = arm_k - d: the middle of the whole overlap,
+        also where only a part of it counts as depth.
         """
         g = self.grains
         depth = ti.cast(-1.0, self.real)
@@ -235,7 +274,7 @@ class PairGeometry:
         # spheres is known, a lower bound of that between the surfaces.
         else:
             depth = r_k + r_l - d.norm()
-        return depth, n, arm_k, arm_l
+        return self.counted_depth(s, depth), n, arm_k, arm_l
 
     @ti.func
     def check_overlap_limit(self, k, l, depth):

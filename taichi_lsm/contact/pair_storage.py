@@ -12,6 +12,7 @@ TOUCHING = 1
 SLIDING = 2
 HAS_IMPULSE = 4
 ACTING = 8
+RESTING = 16
 
 
 def pair_variables(spec: Any) -> list[Variable]:
@@ -21,7 +22,7 @@ def pair_variables(spec: Any) -> list[Variable]:
         dims = ("contact", width) if width else ("contact",)
         return Variable(name, dims, dtype, units, long_name, restart=True)
 
-    bits = "bit 1: touching, 2: sliding, 4: has an impulse, 8: within the reach of an effect"
+    bits = "bit 1: touching, 2: sliding, 4: has an impulse, 8: within the reach of an effect, 16: has a rest overlap"
     rows = [
         row("first_slot", "", "i32", "1", "slot of the first grain"),
         row("second_slot", "", "i32", "1", "slot of the second grain"),
@@ -49,6 +50,8 @@ def pair_variables(spec: Any) -> list[Variable]:
         rows.append(row("history", "history", "real", "1", "values kept by the effects"))
     if spec.keeps_losses:
         rows.append(row("pair_loss", "", "f64", "J", "energy dissipated in the last step, by all effects"))
+    if spec.has_rest_overlaps:
+        rows.append(row("rest_overlap", "", "real", "m", "overlap from which the depth counts since a bond broke"))
     return rows
 
 
@@ -95,7 +98,7 @@ class Pairs:
         `stash` lists (field, component, field of the stash, its component).
         """
         spec, dim = self.spec, self.spec.dim
-        saved = {"second_id", "part_code", "status", "feature", "free_until"}
+        saved = {"second_id", "part_code", "status", "feature", "free_until", "rest_overlap"}
         self.saved = [v for v in self.variables if v.name in saved]
         # Components that need a place, and those of forces and torques that are free during a rebuild.
         stashed = [("normal", c) for c in range(dim if spec.remembers_normal else 0)]
@@ -146,6 +149,8 @@ class Pairs:
         if ti.static(self.spec.remembers_features):
             self.old.feature[s] = self.feature[s]
             self.old.free_until[s] = self.free_until[s]
+        if ti.static(self.spec.has_rest_overlaps):
+            self.old.rest_overlap[s] = self.rest_overlap[s]
         for value, c, stash, place in ti.static(self.stash):
             stash[s][place] = value[s][c]
 
@@ -168,10 +173,14 @@ class Pairs:
             self.free_until[s] = -1.0
         if ti.static(self.spec.history > 0):
             self.history[s] = ti.Vector([0.0] * self.spec.history)
+        if ti.static(self.spec.has_rest_overlaps):
+            self.rest_overlap[s] = 0.0
         if o >= 0:
             self.status[s] = self.old.status[o]
             if ti.static(self.spec.remembers_features):
                 self.feature[s] = self.old.feature[o]
                 self.free_until[s] = self.old.free_until[o]
+            if ti.static(self.spec.has_rest_overlaps):
+                self.rest_overlap[s] = self.old.rest_overlap[o]
             for value, c, stash, place in ti.static(self.stash):
                 value[s][c] = stash[o][place]

@@ -133,8 +133,8 @@ class ElasticBrittleBond(Effect):
 
     Forces follow from the present placement against that of the start, not from increments (as in Wang 2009), and are
     the exact gradient of the energy, see `bond_energy`. What a bond holds as it breaks is added to the dissipated
-    energy, less the elastic energy of the contact that then begins between grains that overlap. The stable step is
-    2/omega with the bound on omega^2 that `Bodies.bond_rate` is.
+    energy, less the elastic energy of the contact that then begins between grains that overlap, which is no more
+    (`FreedContacts`). The stable step is 2/omega with the bound on omega^2 that `Bodies.bond_rate` is.
 
     References
     ----------

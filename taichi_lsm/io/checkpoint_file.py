@@ -32,7 +32,7 @@ from .scene_identity import scene_identity
 if TYPE_CHECKING:
     from ..simulation import Simulation
 
-FORMAT = 6
+FORMAT = 7
 OF_SCENE = "scene_"  # with which the attributes begin that `scene_identity` gives
 COUNTERS = ("step", "rebuilds")
 COUNTS = (*COUNTERS, "searches", "pair_capacity")  # attributes of the file beside NUMBERS and those of `_identity`

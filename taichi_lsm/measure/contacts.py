@@ -35,7 +35,7 @@ CONTACT_ROWS = (
     _row("arm", "space", "f64", "m", "vector from the first centre to the point"),
     _row("normal", "space", "f64", "1", "unit normal from the first grain to the second"),
     _row("branch", "space", "f64", "m", "vector from the first centre to the second or to the wall"),
-    _row("overlap", "", "f64", "m", "depth of overlap along the normal, negative across a gap"),
+    _row("overlap", "", "f64", "m", "depth along the normal, less a rest overlap; negative across a gap"),
     _row("normal_force", "", "f64", "N", "normal force, positive in compression"),
     _row("elastic_normal_force", "", "f64", "N", "part of it from effects that store its work, cohesion too"),
     _row("dissipative_normal_force", "", "f64", "N", "the rest of it, as from dashpots"),

@@ -144,7 +144,7 @@ class Measure:
 
     @ti.func
     def add_contact(self, k, s, low, high, total: ti.template()):
-        """Energy, counts and stress of the contact in list slot s; returns its depth over the overlap limit."""
+        """Energy, counts and stress of the contact in list slot s; returns its overlap over the overlap limit."""
         g, pairs = self.grains, self.pairs
         l = pairs.second_slot[s]
         d = self.forces.geometry.shortest(k, l)
@@ -171,7 +171,7 @@ class Measure:
         if ti.static(self.spec.sheared):  # of the last step only half belongs to the time until now
             moment = 0.5 * self.integrator.dt[None] * pairs.pair_force[s][0] * d[1]
             total[ti.static(self.at["shear_work"])] += self.forces.domain.shear_rate[0] * moment
-        return ti.cast(depth / limit, ti.f64)
+        return ti.cast(self.forces.geometry.whole_overlap(s, depth) / limit, ti.f64)
 
     @ti.func
     def add_walls(self, k, low, high, total: ti.template()):

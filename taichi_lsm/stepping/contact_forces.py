@@ -98,7 +98,7 @@ class ContactForces(EffectSet):
             if ti.static(self.spec.shaped):
                 block.near[c] = self.geometry.near(k, l, s, branch)
             else:
-                block.radius_sum[c] = g.radius[k] + g.radius[l]
+                block.radius_sum[c] = self.geometry.counted_depth(s, g.radius[k] + g.radius[l])
         # Of spheres the overlap is cheaper than a decision whether to compute it.
         if ti.static(not self.spec.shaped):
             for c in range(padded(count)):
@@ -134,12 +134,12 @@ class ContactForces(EffectSet):
             for i in range(near):
                 s = block.slot[i]
                 k, l = pairs.first_slot[s], pairs.second_slot[s]
-                self.geometry.check_overlap_limit(k, l, block.depth[i])
+                self.geometry.check_overlap_limit(k, l, self.geometry.whole_overlap(s, block.depth[i]))
                 put(block, "velocity", i, self.geometry.relative_velocity(k, l))
                 block.inverse_mass[i] = g.inverse_mass[k] + g.inverse_mass[l]
                 self.geometry.put_lengths(self.needs, block, i, k, l, s)
                 if ti.static(self.spec.rotates):
-                    block.radius_k[i], block.radius_l[i] = g.radius[k], g.radius[l]
+                    block.radius_k[i], block.radius_l[i] = self.geometry.radii_of_spheres(k, l, s)
                     put(block, "omega_k", i, ti.cast(g.angular_velocity[k], self.real))
                     put(block, "omega_l", i, ti.cast(g.angular_velocity[l], self.real))
         if ti.static(self.spec.history > 0):
@@ -160,7 +160,7 @@ class ContactForces(EffectSet):
         # Surfaces a gap apart need not be examined until their points have travelled as far.
         if ti.static(self.spec.remembers_features):
             travel = g.travel[k] + g.travel[l]
-            gap = ti.cast(self.geometry.least_depth() - depth, ti.f64)
+            gap = ti.cast(self.geometry.least_depth() - self.geometry.whole_overlap(s, depth), ti.f64)
             pairs.free_until[s] = ti.select(gap > 0.0, NEARLY * travel + gap, -1.0)
         block.depth[i] = depth
         put(block, "normal", i, n)
@@ -292,6 +292,8 @@ class ContactForces(EffectSet):
             status = block.status[i]
             if ti.static(self.spec.onset):
                 status += self.store_onset(block, i, s, k, dt)
+            if ti.static(self.spec.has_rest_overlaps):
+                status += self.geometry.shrink_rest_overlap(s, block.depth[i])
             pairs.status[s] = ti.cast(status, ti.i8)
             if ti.static(self.spec.sheared):
                 self.geometry.add_to_cell(k, s, f, status, dt)
@@ -336,7 +338,7 @@ class ContactForces(EffectSet):
         """(normal, depth [m], branch vector [m], arm of grain k [m]) of the contact in place i."""
         n, depth = get(block, "normal", i, self.dim), block.depth[i]
         branch = self.geometry.shortest(k, self.pairs.second_slot[s])
-        arm_k = (self.grains.radius[k] - 0.5 * depth) * n
+        arm_k = (self.grains.radius[k] - 0.5 * self.geometry.whole_overlap(s, depth)) * n
         if ti.static(self.spec.shaped):
             arm_k = get(block, "arm_k", i, self.dim)
         return n, depth, branch, arm_k

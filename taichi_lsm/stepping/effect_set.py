@@ -119,7 +119,8 @@ class EffectSet:
         omega_k, omega_l = ti.cast(g.angular_velocity[k], self.real), ti.cast(g.angular_velocity[l], self.real)
         part_k, part_l = self.geometry.parts_of(k, l, s)
         radius_k, radius_l = self.geometry.surface.radii(part_k, part_l, k, l, s)
-        a, b = radius_k - 0.5 * depth, radius_l - 0.5 * depth
+        overlap = self.geometry.whole_overlap(s, depth)
+        a, b = radius_k - 0.5 * overlap, radius_l - 0.5 * overlap
         v -= velocity_turned_back(omega_k, arm_k - a * n, dt) - velocity_turned_back(omega_l, arm_l + b * n, dt)
         change = 0.0 * n
         if ti.static(self.dim == 3):

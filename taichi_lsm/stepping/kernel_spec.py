@@ -122,6 +122,11 @@ class KernelSpec:
         return self.channels > 0
 
     @property
+    def has_rest_overlaps(self) -> bool:
+        """Whether pairs may have a rest overlap, from which their depth counts: bonds may break."""
+        return self.bonds > 0
+
+    @property
     def has_angular_impulses(self) -> bool:
         """Whether impulses of contacts turn the grains: those of spheres go through the centres."""
         return self.onset and self.shaped

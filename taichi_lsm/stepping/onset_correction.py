@@ -45,7 +45,10 @@ class OnsetCorrection:
         last, earlier = self.depths_before(k, l, s, d, n, dt)
         inverse_effective_mass = self.geometry.inverse_effective_mass(k, l, n, arm_k, arm_l)
         reduced_radius = self.reduced_radius(k, l, s)
-        impulse, lost = self.impulse(began, depth, last, earlier, inverse_effective_mass, reduced_radius, dt)
+        last_depth, earlier_depth = self.geometry.counted_depth(s, last), self.geometry.counted_depth(s, earlier)
+        impulse, lost = self.impulse(
+            began, depth, last_depth, earlier_depth, inverse_effective_mass, reduced_radius, dt
+        )
         if ti.static(self.spec.shaped):
             if last == NO_NORMAL or earlier == NO_NORMAL:
                 impulse, lost = 0.0 * depth, 0.0 * depth
@@ -100,7 +103,7 @@ class OnsetCorrection:
 
     @ti.func
     def depths_before(self, k, l, s, d, n, dt):
-        """Depths [m] one and two steps ago of the features that face each other now, continued beyond their bounds."""
+        """Overlaps [m] one and two steps ago of the features that face each other, continued beyond their bounds."""
         g = self.grains
         # Back along the velocities of the last two steps, which live half a step before the positions.
         d_1 = d - self.geometry.relative_velocity(k, l) * dt
@@ -172,6 +175,7 @@ class OnsetCorrection:
         """
         a, b = self.geometry.parts_of(k, l, s)
         fraction, old_depth, old_normal, old_point = self.surface.crossing(a, b, k, l, d, before, last_normal, dt)
+        old_depth = self.geometry.counted_depth(s, old_depth)
         impulse = 0.0 * n
         angular_impulse_k, angular_impulse_l = torque_of(n, impulse), torque_of(n, impulse)
         if fraction > self.least_fraction and fraction < 1.0 and old_depth > 0.0:

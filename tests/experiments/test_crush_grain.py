@@ -149,3 +149,4 @@ def test_grains_break_between_platens_and_the_budget_closes(runtime, tmp_path, d
     share = dataset.largest_share.values
     assert (share[0] == 1.0).all() and (np.diff(share, axis=0) <= 1e-12).all() and share[-1].max() < 1.0
     assert (dataset.fragments.values[-1] > 1).all()
+    assert (np.diff(dataset.fracture_energy.values) >= 0.0).all()  # no break creates energy

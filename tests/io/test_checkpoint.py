@@ -165,7 +165,7 @@ def test_a_file_of_which_a_number_changed_is_refused(saved, tmp_path):
 def test_files_of_other_versions_are_refused_by_name(saved, tmp_path):
     copy = tmp_path / "copy.nc"
     for changes, reason in (
-        ({"format": np.int64(3)}, "is of format 3, must be 6: another version wrote it"),
+        ({"format": np.int64(3)}, "is of format 3, must be 7: another version wrote it"),
         ({"taichi": "1.0.0"}, "was written by version 1.0.0 of taichi, this is"),
         ({"arch": "cuda"}, "arch is cuda, but the scene has cpu"),
     ):

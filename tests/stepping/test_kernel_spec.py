@@ -62,6 +62,7 @@ def test_an_effect_adds_its_own_rows_and_bytes_and_takes_them_away_again(name, d
         expected |= {("grain", "torque"): REAL * angular_velocity, ("pair", "pair_torque"): REAL * angular_velocity}
     if effect.phase == "bond":
         expected["grain", "orientation"] = 8 * orientation_size(dim)
+        expected["pair", "rest_overlap"] = REAL
     if hasattr(effect, "onset_impulse"):
         expected |= {
             ("grain", "has_impulse"): 1,
