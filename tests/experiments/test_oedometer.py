@@ -134,9 +134,10 @@ def test_what_belongs_to_shear_has_no_effect():
 def test_a_layer_of_breakable_grains_yields(runtime, tmp_path):
     """The smoke preset with weaker bonds: they break from level to level, and the budget stays closed."""
     weak = {"bond_strength": 20.0, "length": 6.0, "precision": runtime.precision}
-    run = oedometer.run(merge(oedometer.Params, "smoke", options=weak), tmp_path)
+    params = merge(oedometer.Params, "smoke", options=weak)
+    run = oedometer.run(params, tmp_path)
     levels = lsm.open_run(tmp_path / "compression.nc")
-    wanted = PARAMS.normal_stress * 30.0 ** (np.arange(5) / 4)
+    wanted = params.normal_stress * params.stress_ratio ** (np.arange(params.levels + 1) / params.levels)
     assert levels.normal_stress.values == pytest.approx(wanted, rel=0.1)
     assert (np.diff(levels.void_ratio) < 0).all() and (np.diff(levels.broken_share) >= 0).all()
     assert levels.broken_share.values[-1] > 0.1
