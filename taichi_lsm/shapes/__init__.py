@@ -13,6 +13,7 @@ from .meshes import Misfit, from_mesh
 from .outlines import OutlineMisfit, from_outline, outline_of_image
 from .patch_meshes import SurfaceMesh
 from .patch_surfaces import PatchSurface, patch_surface
+from .placement import Imported, Placement
 from .polygon_fit import arc_chain, from_polygon, regular_disc_of_arcs
 from .polyhedra import ellipsoid, from_planes, regular_polyhedron, superellipsoid
 from .polyhedral_aggregates import polyhedral_aggregate
@@ -20,7 +21,7 @@ from .random_polygons import random_polygons
 from .random_polyhedra import random_angular_polyhedra, random_polyhedra
 from .rounded_cores import inscribed_balls, rounded_core
 from .storage import load_shapes, save_shapes
-from .union import Union, crossed_bars, place_part, union
+from .union import Union, crossed_bars, place_part, union, union_and_placement
 from .voronoi_grains import random_angular_shapes, regular_polygon, voronoi_packing
 from .voronoi_tiles import PolygonMeasures, polygon_measures, voronoi_tiles
 
@@ -32,10 +33,12 @@ __all__ = [
     "BallPolyhedron",
     "Coverage",
     "GrainShape",
+    "Imported",
     "Misfit",
     "OutlineMisfit",
     "PatchGrain",
     "PatchSurface",
+    "Placement",
     "PolygonMeasures",
     "SurfaceMesh",
     "Tile",
@@ -81,6 +84,7 @@ __all__ = [
     "superellipsoid",
     "tangent_ball_polyhedron",
     "union",
+    "union_and_placement",
     "voronoi_packing",
     "voronoi_tiles",
 ]

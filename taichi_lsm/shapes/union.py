@@ -9,13 +9,15 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
 from .base import GrainShape, Patches, counted
 from .geometry import even_directions, polygon_integrals, principal_frame, unit_normals
-from .input_checks import check_positive
+from .input_checks import check_positive, number_array
+from .placement import Placement, quaternion_of
 from .polygon_fit import from_polygon
 
 ConvexShape = ArcChain | BallPolyhedron
@@ -25,6 +27,7 @@ OUTLINE_POINTS = 4000  # of a part; two such outlines give moments to about 1e-8
 GRID = 72  # cells per axis that measure a 3D union, to about 1e-3
 BALL_MARGIN = 1.001  # on the radius of a ball about sampled points of a part, for what lies between them
 REACH_MARGIN = 1.0005  # the same for the bounding radius of the union
+UNIT_QUATERNION = 1e-6  # by how much the length of a quaternion may differ from 1
 PROBE = 1e-3  # equivalent diameters: parts nearer than this to a point of the outer surface resist there together
 
 
@@ -113,7 +116,7 @@ def place_part(shape: Part, offset: ArrayLike, rotation: float | NDArray = 0.0, 
     offset : array_like, (dim,)
         Where the centre of mass of the part goes, in the frame and unit of the union.
     rotation : float or ndarray
-        Angle [rad] in 2D, rotation matrix (3, 3) in 3D; 0 is no rotation.
+        Angle [rad] in 2D, rotation matrix (3, 3) or unit quaternion w, x, y, z (4,) in 3D; 0 is no rotation.
     factor : float
         Length of the unit of the shape in the unit of the union, > 0.
 
@@ -129,10 +132,7 @@ def place_part(shape: Part, offset: ArrayLike, rotation: float | NDArray = 0.0, 
     """
     check_positive("factor", factor)
     if isinstance(shape, BallPolyhedron):
-        matrix = np.eye(3) if np.ndim(rotation) == 0 else np.asarray(rotation, dtype=np.float64)
-        if matrix.shape != (3, 3):
-            raise InputError(f"rotation has shape {matrix.shape}: must be (3, 3) for a 3D part")
-        return shape.rescaled(factor).moved(matrix, offset)
+        return shape.rescaled(factor).moved(_rotation_matrix(rotation), offset)
     if not (isinstance(shape, ArcChain) and shape.patch_count > 1):
         raise InputError(f"shape = {shape!r}: must be an arc chain of 3 or more arcs, or a ball-polyhedron")
     if np.ndim(rotation) != 0:
@@ -151,6 +151,20 @@ def place_part(shape: Part, offset: ArrayLike, rotation: float | NDArray = 0.0, 
         overlap_limit=shape.overlap_limit * factor,
         lever=min(reach, shape.lever * factor + float(np.linalg.norm(offset))),
     )
+
+
+def _rotation_matrix(rotation: float | NDArray) -> NDArray:
+    """Rotation matrix (3, 3) from one, from a unit quaternion or from 0; InputError for anything else."""
+    if np.ndim(rotation) == 0:
+        return np.eye(3)
+    array = number_array("rotation", rotation)
+    if array.shape == (4,):
+        if not abs(np.linalg.norm(array) - 1.0) < UNIT_QUATERNION:
+            raise InputError(f"rotation = {array}: must be a unit quaternion w, x, y, z")
+        return Rotation.from_quat(array, scalar_first=True).as_matrix()
+    if array.shape != (3, 3):
+        raise InputError(f"rotation has shape {array.shape}: must be (3, 3) or (4,) for a 3D part")
+    return array
 
 
 def union(
@@ -177,6 +191,35 @@ def union(
     ------
     InputError
         If there is no part, classes or dimensions differ, or the parts do not hang together.
+
+    See Also
+    --------
+    union_and_placement : tells where the grain lies among its parts.
+    """
+    return union_and_placement(members, name=name, normalise=normalise)[0]
+
+
+def union_and_placement(
+    members: Sequence[ConvexShape], *, name: str = "union", normalise: bool = True
+) -> tuple[Union | ArcChain | BallPolyhedron, Placement]:
+    """As `union`, with the centre, orientation and size of the grain in the frame and unit of its parts.
+
+    Parameters
+    ----------
+    members, name, normalise
+        See `union`.
+
+    Returns
+    -------
+    shape : Union or ArcChain or BallPolyhedron
+        The grain.
+    placement : Placement
+        Where it lies among the parts, see `Placement`; of a single part, which is not moved, the identity.
+
+    Raises
+    ------
+    InputError
+        As `union`.
     """
     members = list(members)
     if not members:
@@ -185,14 +228,15 @@ def union(
         if not isinstance(m, ArcChain | BallPolyhedron):
             raise InputError(f"members: {m!r} is no convex shape, must be an ArcChain or a BallPolyhedron")
     if len(members) == 1:
-        return members[0]
+        still = 0.0 if members[0].dim == 2 else np.array([1.0, 0.0, 0.0, 0.0])
+        return members[0], Placement(np.zeros(members[0].dim), still, 1.0)
     if len({(m.kind, m.dim) for m in members}) > 1:
         raise InputError(f"members: {[(m.name, m.kind) for m in members]}, must be of one kind")
     return _union_of(members, name, normalise)
 
 
-def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> Union:
-    """The grain of two parts or more; see `union`."""
+def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> tuple[Union, Placement]:
+    """The grain of two parts or more; see `union_and_placement`."""
     dim = members[0].dim
     measure, centroid, second = _moments_2d(members) if dim == 2 else _moments_3d(members)
     inertia, frame = principal_frame(second)
@@ -207,7 +251,7 @@ def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> Uni
             moved.append(place_part(m, -factor * centroid, 0.0, factor))
     points = np.concatenate([_surface_points(m, OUTLINE_POINTS) for m in moved])
     reach = float(np.linalg.norm(points, axis=1).max()) * REACH_MARGIN
-    return Union(
+    shape = Union(
         name=name,
         dim=dim,
         measure=measure * factor**dim,
@@ -218,6 +262,7 @@ def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> Uni
         members=tuple(moved),
         stiffness_peak=_stiffness_peak(moved, points),
     )
+    return shape, Placement(centroid, 0.0 if dim == 2 else quaternion_of(frame), 1.0 / factor)
 
 
 def _depth_in(part: ConvexShape, x: NDArray) -> NDArray:
@@ -331,4 +376,4 @@ def crossed_bars(arm_ratio: float = 3.0, corner_radius: float = 0.05) -> Union:
     size = np.sqrt(4.0 / np.pi * (2.0 * arm_ratio - 1.0))
     bar = from_polygon([(-x, -y), (x, -y), (x, y), (-x, y)], corner_radius * size, normalise=False)
     bars = [place_part(bar, (0.0, 0.0)), place_part(bar, (0.0, 0.0), 0.5 * np.pi)]
-    return _union_of(bars, f"cross {arm_ratio:g}", normalise=True)
+    return _union_of(bars, f"cross {arm_ratio:g}", normalise=True)[0]
