@@ -9,6 +9,7 @@ from .cone_patches import Coverage, PatchGrain, from_patches
 from .dilated_balls import ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from .ellipses import ellipse, superellipse
 from .laguerre_tiles import Tile, laguerre_packing, laguerre_tiles
+from .mesh_bodies import bodies_of_mesh
 from .meshes import Misfit, from_mesh
 from .outlines import OutlineMisfit, from_outline, outline_of_image
 from .patch_meshes import SurfaceMesh
@@ -47,6 +48,7 @@ __all__ = [
     "arc_chain",
     "ball_of_faces",
     "ball_polyhedron",
+    "bodies_of_mesh",
     "clump",
     "crossed_bars",
     "disc",

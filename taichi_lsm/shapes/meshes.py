@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError, reason
+from ..core.errors import InputError
 from .ball_polyhedron import BallPolyhedron
 from .dilated_balls import SLACK, ball_polyhedron_and_frame
-from .geometry import even_directions, least_tangent_radii
+from .geometry import convex_mesh, even_directions, least_tangent_radii
 from .input_checks import check_between, check_corner_radius
+from .mesh_bodies import chosen_body
+from .mesh_files import triangles_of
+from .mesh_repair import Shell, mended
+from .placement import Imported, Placement, quaternion_of
 
 if TYPE_CHECKING:
     import trimesh
 
-MOST_TRIANGLES = 1_000_000
-MOST_BYTES = 300_000_000  # of a file: so many triangles in text
-FORMATS = ("stl", "ply", "obj")
 COPLANAR = np.radians(5.0)  # facets of the hull whose normals differ by less are one face
 FLATTEST = 50.0  # radius of a face in sizes, for meshes with flat faces
 SMALLEST_FACE = 1e-4  # of the surface: smaller facets are left to the rounding
 FEW_MORE = 4  # faces of a mesh over those asked for: beyond it is a smooth body
 HULL_VOLUME = 0.01  # share by which the hull may exceed a mesh that counts as convex
 MISFIT_DIRECTIONS = 4000  # of support along which grain and mesh are compared
+MOST_POINTS = 20_000  # of which the hull is made; of more
+CELLS = 50  # of directions, along a side of a cube: of each the farthest point is taken
 
 
 class Misfit(NamedTuple):
@@ -42,115 +44,145 @@ class Misfit(NamedTuple):
         Root mean square of that difference.
     inertia : float
         Greatest relative error of a principal moment at equal volume.
+    repairs : tuple of str
+        What was mended in the mesh.
     """
 
     volume: float
     greatest_distance: float
     rms_distance: float
     inertia: float
+    repairs: tuple[str, ...] = ()
 
 
 def from_mesh(
-    mesh: str | PathLike[str] | trimesh.Trimesh, faces: int = 60, corner_radius: float = 0.02, *, hull: bool = False
-) -> tuple[BallPolyhedron, Misfit]:
-    """A grain fitted to a triangle mesh, and its misfit.
+    mesh: str | PathLike[str] | trimesh.Trimesh,
+    faces: int = 60,
+    corner_radius: float = 0.02,
+    *,
+    hull: bool = False,
+    body: int | None = None,
+) -> Imported[BallPolyhedron, Misfit]:
+    """A grain fitted to a triangle mesh, its misfit, and where the file has it.
 
     Parameters
     ----------
     mesh : path or trimesh.Trimesh
-        File (STL, PLY, OBJ) or mesh in any unit of length, closed, of at most a million triangles.
+        File (STL, PLY, OBJ) or mesh in any unit of length and any place, closed, of at most a million triangles.
     faces : int
         Greatest number of faces of the grain, 4 to 300.
     corner_radius : float
         Radius of edges and vertices in equivalent diameters of the mesh, above 0 and below 0.25.
     hull : bool
         Whether to take the convex hull of a mesh that is not convex; the misfit is then against the mesh itself.
+    body : int, optional
+        Which of several bodies to take, 0 for the largest; see `bodies_of_mesh`.
 
     Returns
     -------
     shape : BallPolyhedron
         Grain of equivalent diameter 1, body frame.
     misfit : Misfit
-        How far its surface is from that of the mesh.
+        How far its surface is from that of the mesh, and what was mended there.
+    placement : Placement
+        Centre, orientation and equivalent diameter of the body in the frame and unit of the file.
 
     Raises
     ------
     InputError
         If the file cannot be read, or the mesh has holes, no volume, values that are not finite or too many triangles,
-        or is not convex and `hull` was not asked for, or no closed grain comes out.
+        or is not convex and `hull` was not asked for, or holds several bodies and none was chosen, or no closed grain
+        comes out.
+
+    Notes
+    -----
+    Vertices are merged by their places. Triangles without area and doubled ones are left out, gaps of up to 1e-4 of the
+    size are closed, and triangles are turned so that their normals point outwards.
     """
     check_between("faces", faces, 4, 300)
     check_corner_radius(corner_radius, 0.25)
-    body = _checked(mesh)
-    wrapped = body.convex_hull
-    excess = wrapped.volume / body.volume - 1.0
+    label, vertices, triangles = triangles_of(mesh)
+    found = mended(label, vertices, triangles)
+    solid, middle, extent = _scaled(chosen_body(label, found, body))
+    wrapped = _hull(solid.vertices)
+    excess = wrapped.volume / solid.volume - 1.0
     if excess > HULL_VOLUME and not hull:
-        raise InputError(f"mesh: not convex, its hull is {100 * excess:.3g} % larger; hull=True takes the hull")
-    diameter = (6.0 * body.volume / np.pi) ** (1.0 / 3.0)
-    vertices = wrapped.vertices - body.center_mass
-    r = corner_radius * diameter
-    fits = [_fit(wrapped, vertices, body, r, diameter, *target) for target in _targets(wrapped, vertices, faces)]
+        raise InputError(f"{label}: not convex, its hull is {100 * excess:.3g} % larger; hull=True takes the hull")
+    target = Target(wrapped, wrapped.vertices - solid.center_mass, solid)
+    fits = [_fit(target, corner_radius, *touching) for touching in _targets(wrapped, target.vertices, faces)]
     closed = [fit for fit in fits if fit]
     if not closed:
-        raise InputError(f"mesh: {faces} faces and corner_radius = {corner_radius} give no closed surface; change them")
-    fitted, misfit = min(closed, key=lambda fit: fit[1].rms_distance)
-    return fitted.normalised(), misfit
+        raise InputError(
+            f"{label}: {faces} faces and corner_radius = {corner_radius} give no closed surface; change them"
+        )
+    best = min(closed, key=lambda fit: fit.misfit.rms_distance)
+    unit = found.size * extent  # of the file
+    centre = found.origin + found.size * middle + unit * (solid.center_mass + best.centre)
+    placement = Placement(centre, quaternion_of(best.frame), unit * target.diameter)
+    return Imported(best.shape.normalised(), best.misfit._replace(repairs=found.repairs), placement)
 
 
-def _checked(mesh: str | PathLike[str] | trimesh.Trimesh) -> trimesh.Trimesh:
-    """A closed mesh of positive volume, read from its file if it is given as one."""
+class Target(NamedTuple):
+    """What a grain is fitted to, in units of its greatest extent."""
+
+    hull: trimesh.Trimesh
+    vertices: NDArray  # of the hull, about the centre of mass of the body
+    body: trimesh.Trimesh
+
+    @property
+    def diameter(self) -> float:
+        """Equivalent diameter of the body."""
+        return float((6.0 * self.body.volume / np.pi) ** (1.0 / 3.0))
+
+
+class Fit(NamedTuple):
+    """A fitted grain, in units of the target, with its centre (3,) and frame (3, 3) there."""
+
+    shape: BallPolyhedron
+    centre: NDArray
+    frame: NDArray
+    misfit: Misfit
+
+
+def _scaled(shell: Shell) -> tuple[trimesh.Trimesh, NDArray, float]:
+    """A body about the middle of its box, of greatest extent 1; that middle (3,) and that extent."""
     import trimesh
 
-    label = "mesh"
-    if not isinstance(mesh, trimesh.Trimesh):
-        try:
-            path = Path(mesh)
-        except TypeError:
-            raise InputError(f"mesh = {mesh!r}: must be a file or a trimesh.Trimesh") from None
-        label = f"mesh {path}"
-        if not path.is_file():
-            raise InputError(f"mesh {path}: no such file")
-        kind = path.suffix.lower().removeprefix(".")
-        if kind not in FORMATS or path.stat().st_size > MOST_BYTES:
-            raise InputError(
-                f"mesh {path}: {path.stat().st_size} bytes of format {kind or 'unknown'}, must be at most {MOST_BYTES} "
-                f"bytes of {', '.join(FORMATS)}"
-            )
-        try:  # from an open file: other files that it names, such as materials, are not looked for
-            with open(path, "rb") as file:
-                mesh = trimesh.load_mesh(file, file_type=kind, **({"skip_materials": True} if kind == "obj" else {}))
-        except Exception as error:  # each reader has errors of its own
-            raise InputError(f"mesh {path}: cannot be read ({reason(error)})") from None
-        if not isinstance(mesh, trimesh.Trimesh):
-            raise InputError(f"mesh {path}: holds no single triangle mesh")
-    count = len(mesh.faces)
-    if count > MOST_TRIANGLES:
-        raise InputError(f"{label}: {count} triangles, must be at most {MOST_TRIANGLES}; simplify it first")
-    if count < 4 or not np.all(np.isfinite(mesh.vertices)):
-        raise InputError(f"{label}: {count} triangles, must be at least 4 with finite vertices")
-    mesh = mesh.copy()
-    mesh.merge_vertices()
-    if not mesh.is_watertight:
-        raise InputError(f"{label}: has holes (not watertight); close it first")
-    if mesh.volume < 0:
-        mesh.invert()
-    if not mesh.volume > 1e-12 * np.ptp(mesh.vertices, axis=0).max() ** 3:
-        raise InputError(f"{label}: volume {mesh.volume:g}, must be above 0")
-    return mesh
+    low, high = shell.vertices.min(axis=0), shell.vertices.max(axis=0)
+    middle, extent = 0.5 * (low + high), float((high - low).max())
+    return trimesh.Trimesh((shell.vertices - middle) / extent, shell.triangles, process=False), middle, extent
 
 
-def _fit(
-    wrapped: trimesh.Trimesh,
-    vertices: NDArray,
-    body: trimesh.Trimesh,
-    r: float,
-    diameter: float,
-    normals: NDArray,
-    points: NDArray,
-    flat: bool,
-) -> tuple[BallPolyhedron, Misfit] | None:
-    """(shape in the mesh's unit, misfit) for faces that touch these points with these normals, None if none closes."""
-    size = 2.0 * np.linalg.norm(vertices, axis=1).max()
+def _hull(vertices: NDArray) -> trimesh.Trimesh:
+    """The convex hull of the points (n, 3); of very many, that of those farthest out in their direction."""
+    import trimesh
+
+    if len(vertices) > MOST_POINTS:
+        vertices = vertices[_farthest(vertices)]
+    return trimesh.Trimesh(*convex_mesh(vertices), process=False)
+
+
+def _farthest(x: NDArray) -> NDArray:
+    """Rows (m,) of the points x (n, 3) that are the farthest from the middle of all within their cell of directions.
+
+    The cells are squares on the six sides of a cube, which is stretched as the points are.
+    """
+    x = x - x.mean(axis=0)
+    spread, axes = np.linalg.eigh(x.T @ x)
+    x = x @ (axes / np.sqrt(np.maximum(spread, 1e-12 * spread[2])))
+    side = np.argmax(np.abs(x), axis=1)
+    ahead = np.take_along_axis(x, side[:, None], axis=1)
+    across = np.take_along_axis(x, (side[:, None] + [1, 2]) % 3, axis=1) / np.where(ahead == 0.0, 1.0, np.abs(ahead))
+    column = np.minimum((0.5 * (across + 1.0) * CELLS).astype(np.int64), CELLS - 1)
+    cell = ((2 * side + (ahead[:, 0] > 0.0)) * CELLS + column[:, 0]) * CELLS + column[:, 1]
+    order = np.lexsort([-np.sum(x**2, axis=1), cell])
+    return order[np.unique(cell[order], return_index=True)[1]]
+
+
+def _fit(target: Target, corner_radius: float, normals: NDArray, points: NDArray, flat: bool) -> Fit | None:
+    """A grain whose faces touch these points with these normals; None if none closes."""
+    size = 2.0 * np.linalg.norm(target.vertices, axis=1).max()
+    r = corner_radius * target.diameter
 
     def fit(factor: float) -> tuple[BallPolyhedron, NDArray, NDArray]:
         """Shape, centre of mass and frame for the points scaled by a factor."""
@@ -160,10 +192,10 @@ def _fit(
 
     try:  # bulging faces take more space than the mesh: a second fit is drawn in by as much
         bulging, _, _ = fit(1.0)
-        fitted, centre, frame = fit((wrapped.volume / bulging.measure) ** (1.0 / 3.0))
+        fitted, centre, frame = fit((target.hull.volume / bulging.measure) ** (1.0 / 3.0))
     except ValueError:  # slivers, on which any step of the fit may fail
         return None
-    return fitted, _misfit(fitted, centre, frame, vertices, body, diameter)
+    return Fit(fitted, centre, frame, _misfit(fitted, centre, frame, target))
 
 
 def _targets(hull: trimesh.Trimesh, vertices: NDArray, faces: int) -> list[tuple[NDArray, NDArray, bool]]:
@@ -176,10 +208,11 @@ def _targets(hull: trimesh.Trimesh, vertices: NDArray, faces: int) -> list[tuple
     if len(merged) <= faces:
         return [flat]
     n, length = even_directions(faces), np.ones(faces)
+    normals, areas = np.asarray(hull.face_normals), np.asarray(hull.area_faces)
     for _ in range(8):  # group the facets by the nearest normal; each face takes the mean of its facets
-        nearest = np.argmax(hull.face_normals @ n.T, axis=1)
+        nearest = np.argmax(normals @ n.T, axis=1)
         total = np.zeros_like(n)
-        np.add.at(total, nearest, hull.area_faces[:, None] * hull.face_normals)
+        np.add.at(total, nearest, areas[:, None] * normals)
         length = np.linalg.norm(total, axis=1)
         n[length > 0] = total[length > 0] / length[length > 0, None]
     n = n[length > 0]
@@ -189,19 +222,20 @@ def _targets(hull: trimesh.Trimesh, vertices: NDArray, faces: int) -> list[tuple
 
 def _flat_faces(hull: trimesh.Trimesh, vertices: NDArray) -> list[tuple[NDArray, NDArray]]:
     """(normal, centre) of groups of facets that are coplanar within COPLANAR, the largest first."""
-    order = np.argsort(-hull.area_faces, kind="stable")
+    normals, areas, corners = np.asarray(hull.face_normals), np.asarray(hull.area_faces), np.asarray(hull.faces)
+    order, least = np.argsort(-areas, kind="stable"), SMALLEST_FACE * areas.sum()
     free = np.ones(len(order), bool)
     result = []
     for f in order:
         if free[f]:
-            same = free & (hull.face_normals @ hull.face_normals[f] > np.cos(COPLANAR))
+            same = free & (normals @ normals[f] > np.cos(COPLANAR))
             free[same] = False
-            area = hull.area_faces[same]
-            if area.sum() < SMALLEST_FACE * hull.area:
+            area = areas[same]
+            if area.sum() < least:
                 continue
-            normal = (area[:, None] * hull.face_normals[same]).sum(axis=0)
+            normal = (area[:, None] * normals[same]).sum(axis=0)
             normal /= np.linalg.norm(normal)
-            middle = (area[:, None] * vertices[hull.faces[same]].mean(axis=1)).sum(axis=0) / area.sum()
+            middle = (area[:, None] * vertices[corners[same]].mean(axis=1)).sum(axis=0) / area.sum()
             result.append((normal, middle))
     return result
 
@@ -216,22 +250,17 @@ def _radii(points: NDArray, normals: NDArray, size: float, flat: bool) -> NDArra
     return np.minimum(SLACK * least, FLATTEST * size)
 
 
-def _misfit(
-    fitted: BallPolyhedron,
-    centre: NDArray,
-    frame: NDArray,
-    vertices: NDArray,
-    body: trimesh.Trimesh,
-    diameter: float,
-) -> Misfit:
-    """Differences of a grain, at `centre` and rotated by `frame`, from the mesh `body`."""
-    n = even_directions(MISFIT_DIRECTIONS)
-    gap = fitted.support(n @ frame) + n @ centre - (vertices @ n.T).max(axis=0)
+def _misfit(fitted: BallPolyhedron, centre: NDArray, frame: NDArray, target: Target) -> Misfit:
+    """Differences of a grain, at `centre` and rotated by `frame`, from its target."""
+    directions = even_directions(MISFIT_DIRECTIONS)
+    reach = [(target.vertices @ n.T).max(axis=0) for n in np.array_split(directions, MISFIT_DIRECTIONS // 100)]
+    gap = fitted.support(directions @ frame) + directions @ centre - np.concatenate(reach)
+    body = target.body
     moments = np.sort(np.linalg.eigvalsh(body.moment_inertia)) / body.volume ** (5.0 / 3.0)
     mine = np.sort(fitted.inertia) / fitted.measure ** (5.0 / 3.0)
     return Misfit(
         volume=float(fitted.measure / body.volume - 1.0),
-        greatest_distance=float(np.abs(gap).max() / diameter),
-        rms_distance=float(np.sqrt((gap**2).mean()) / diameter),
+        greatest_distance=float(np.abs(gap).max() / target.diameter),
+        rms_distance=float(np.sqrt((gap**2).mean()) / target.diameter),
         inertia=float(np.abs(mine / moments - 1.0).max()),
     )

@@ -24,7 +24,7 @@ import netCDF4
 import numpy as np
 
 import taichi_lsm as lsm
-from tests.helpers import output_files, scenes
+from tests.helpers import bodies, output_files, scenes
 from tests.helpers.changed_files import changed
 from tests.io.test_contacts_file import filled, moment
 from tests.io.test_contacts_file import writer as contacts_writer
@@ -107,6 +107,26 @@ def mesh_file(suffix, folder):
 
     path = folder / f"mesh.{suffix}"
     trimesh.creation.box((1.0, 2.0, 3.0)).export(path, file_type="stl_ascii" if "ascii" in folder.name else suffix)
+    return path
+
+
+def quads_file(suffix, folder):
+    """A box as quads: OBJ with texture and normals, PLY with doubles."""
+    path = folder / f"mesh.{suffix}"
+    path.write_text(bodies.obj_of_quads(texture=True) if suffix == "obj" else bodies.ply_of_quads("double"))
+    return path
+
+
+def bodies_file(folder):
+    """Two boxes whose boxes overlap and that do not, in one mesh."""
+    import trimesh
+
+    path = folder / "mesh.stl"
+    bar = trimesh.creation.box((4.0, 0.2, 0.2))
+    bar.apply_transform(trimesh.transformations.rotation_matrix(0.7, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
+    other = bar.copy()
+    other.apply_translation([0.0, 1.0, 0.0])
+    trimesh.util.concatenate([bar, other]).export(path)
     return path
 
 
@@ -206,6 +226,11 @@ def read_mesh(path):
     lsm.shapes.from_mesh(path, faces=6, hull=True)
 
 
+def read_bodies(path):
+    """All bodies of the mesh."""
+    assert lsm.shapes.bodies_of_mesh(path)
+
+
 # Kind of file: how one is made, and how it is read.
 READERS = {
     "shapes": (shapes_file, read_shapes),
@@ -228,6 +253,9 @@ READERS = {
     "stl ascii": (functools.partial(mesh_file, "stl"), read_mesh),
     "ply": (functools.partial(mesh_file, "ply"), read_mesh),
     "obj": (functools.partial(mesh_file, "obj"), read_mesh),
+    "obj of quads": (functools.partial(quads_file, "obj"), read_mesh),
+    "ply of quads": (functools.partial(quads_file, "ply"), read_mesh),
+    "bodies": (bodies_file, read_bodies),
 }
 NETCDF = (
     *("checkpoint", "shapes", "run", "grains", "contacts", "table", "runs"),

@@ -20,7 +20,7 @@ LONGEST = 3000  # characters of a message
 @pytest.fixture(scope="module")
 def children(tmp_path_factory):
     """(a process that changes files, one that reads them); either may die of what it finds."""
-    for name in ("matplotlib.figure", "scipy.optimize", "shapely", "trimesh", "xarray"):
+    for name in ("matplotlib.figure", "scipy.optimize", "shapely", "trimesh", "manifold3d", "xarray"):
         pytest.importorskip(name)  # before the fork
     folder = tmp_path_factory.mktemp("fuzzed")
     fuzzed_files.make_good_files(folder)
