@@ -8,10 +8,11 @@ from .clumps import clump, equal_clump, from_chain, outline_error
 from .cone_patches import Coverage, PatchGrain, from_patches
 from .dilated_balls import ball_of_faces, ball_polyhedron, tangent_ball_polyhedron
 from .ellipses import ellipse, superellipse
+from .image_outlines import outline_of_image
 from .laguerre_tiles import Tile, laguerre_packing, laguerre_tiles
 from .mesh_bodies import bodies_of_mesh
 from .meshes import Misfit, from_mesh
-from .outlines import OutlineMisfit, from_outline, outline_of_image
+from .outlines import OutlineMisfit, from_outline
 from .patch_meshes import SurfaceMesh
 from .patch_surfaces import PatchSurface, patch_surface
 from .placement import Imported, Placement

@@ -230,10 +230,22 @@ def from_polygon(
     An arc that spans a side of length L and turns by the angle a to either side of the normal has the radius
     L/(2 sin a), stands L tan(a/2)/2 behind its corners and leaves out L^2 tan(a/2)/6 of the area, nearly.
     """
-    points, size = _convex_sides(vertices)
+    points, size, _ = _convex_sides(vertices)
     _check_fit(size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
-    breaks, radius = _arcs_within(points, size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
+    breaks, radius, _ = _arcs_within(points, size, corner_radius, side_half_width, arcs_per_corner, largest_radius)
     return arc_chain(breaks, radius if normalise else size * radius, name=name, normalise=normalise)
+
+
+def chain_and_centre(
+    vertices: ArrayLike, corner_radius: float, arcs_per_corner: int, name: str
+) -> tuple[ArcChain, NDArray]:
+    """As `from_polygon` in the unit of the vertices: (shape, where its centre of mass (2,) lies among them)."""
+    points, size, middle = _convex_sides(vertices)
+    _check_fit(size, corner_radius, SIDE_HALF_WIDTH, arcs_per_corner, None)
+    breaks, radius, first = _arcs_within(points, size, corner_radius, SIDE_HALF_WIDTH, arcs_per_corner, None)
+    chain = arc_chain(breaks, size * radius, name=name, normalise=False)
+    start = chain.centre[0] + chain.radius[0] * chain.seam[0]
+    return chain, middle + size * first - start
 
 
 def _arcs_within(
@@ -243,8 +255,8 @@ def _arcs_within(
     side_half_width: float,
     arcs_per_corner: int,
     largest_radius: float | None,
-) -> tuple[NDArray, NDArray]:
-    """Break angles [rad] and radii (n,) of the chain that `from_polygon` describes, for corners (k, 2) over `size`."""
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Break angles [rad], radii (n,) and first point (2,) of the chain `from_polygon`; corners (k, 2) over `size`."""
     side = np.roll(points, -1, axis=0) - points
     phi = np.unwrap(np.arctan2(-side[:, 0], side[:, 1]))
     normal = unit_normals(phi)
@@ -255,13 +267,13 @@ def _arcs_within(
     most = np.full((len(phi), arcs_per_corner + 1), largest_radius or LARGEST_RADIUS)
     if largest_radius is None:
         most[:, 0] = _spanning_radii(length, half, side_half_width)
-    radius = _fit_radii(breaks, normal, distance, corner_radius / size, most)
-    if radius is None:
+    fitted = _fit_radii(breaks, normal, distance, corner_radius / size, most)
+    if fitted is None:
         _, inscribed = deepest_point(normal, distance)
         raise InputError(
             f"corner_radius = {corner_radius}: too large for the polygon, at most {inscribed * size:.6g} fits"
         )
-    return breaks, radius
+    return breaks, *fitted
 
 
 def check_side_half_width(side_half_width: float) -> None:
@@ -284,8 +296,8 @@ def _check_fit(
         )
 
 
-def _convex_sides(vertices: ArrayLike) -> tuple[NDArray, float]:
-    """Vertices (m, 2) of the polygon about its centroid, over its equivalent diameter, and that diameter [L].
+def _convex_sides(vertices: ArrayLike) -> tuple[NDArray, float, NDArray]:
+    """Vertices (m, 2) of the polygon about its centroid, over its equivalent diameter; that diameter, the centroid [L].
 
     Counter-clockwise; sides that are a point and corners that are straight are dropped.
     """
@@ -303,7 +315,7 @@ def _convex_sides(vertices: ArrayLike) -> tuple[NDArray, float]:
             f"vertices turn by {angle} rad: a convex polygon never turns back and turns by 2 pi in all; "
             "cut other polygons into convex parts first"
         )
-    return points[angle > LEAST_TURN], measures.diameter
+    return points[angle > LEAST_TURN], measures.diameter, np.asarray(measures.centroid)
 
 
 def _exterior_angles(points: NDArray) -> NDArray:
@@ -335,8 +347,10 @@ def _break_angles(phi: NDArray, half_width: NDArray, arcs_per_corner: int) -> tu
     return np.column_stack([phi - half, corner]).ravel(), half
 
 
-def _fit_radii(breaks: NDArray, normal: NDArray, distance: NDArray, least: float, most: NDArray) -> NDArray | None:
-    """Radii (n,) of the longest chain in normal . x <= distance, None if none fits: see `from_polygon`.
+def _fit_radii(
+    breaks: NDArray, normal: NDArray, distance: NDArray, least: float, most: NDArray
+) -> tuple[NDArray, NDArray] | None:
+    """Radii (n,) and first point (2,) of the longest chain in normal . x <= distance, None if none: `from_polygon`.
 
     most (sides, arcs per side): greatest radius of each arc, first that of the side.
     """
@@ -368,7 +382,7 @@ def _fit_radii(breaks: NDArray, normal: NDArray, distance: NDArray, least: float
         return None
     if answer.status != 0:
         raise SimulationError(f"the linear programme of the fit to the polygon failed: {answer.message}")
-    return closed_radii(np.clip(answer.x[2:], least, most), step, least, most)
+    return closed_radii(np.clip(answer.x[2:], least, most), step, least, most), answer.x[:2]
 
 
 def closed_radii(radius: NDArray, step: NDArray, least: float, most: ArrayLike) -> NDArray:

@@ -9,7 +9,7 @@ from taichi_lsm.core.errors import InputError
 
 def test_the_outline_of_an_image_becomes_a_grain():
     y, x = np.mgrid[-30:31, -30:31]
-    shape, misfit = lsm.shapes.from_outline(lsm.shapes.outline_of_image(np.hypot(x / 1.5, y), 15.0))
+    shape, misfit, _ = lsm.shapes.from_outline(lsm.shapes.outline_of_image(np.hypot(x / 1.5, y), 15.0))
     assert misfit.greatest_distance < 0.01 and shape.measure == pytest.approx(np.pi / 4)
 
 
@@ -20,7 +20,7 @@ def test_an_outline_that_is_not_convex_is_refused():
 
 def test_the_misfit_of_a_chain_from_its_own_outline_is_small():
     shape = lsm.shapes.regular_polygon(5, 0.1)
-    again, misfit = lsm.shapes.from_outline(7.0 * shape.outline(400) + 3.0, 0.1)
+    again, misfit, _ = lsm.shapes.from_outline(7.0 * shape.outline(400) + 3.0, 0.1)
     assert again.inertia == pytest.approx(shape.inertia, rel=1e-3)
     assert -0.01 < misfit.area < 0.0  # the grain lies inside the outline
     assert misfit.rms_distance <= misfit.greatest_distance < 0.01
