@@ -15,16 +15,15 @@ from ..core.errors import InputError
 from .arc_chain import ArcChain
 from .ball_polyhedron import BallPolyhedron
 from .base import GrainShape, Patches, counted
-from .geometry import even_directions, polygon_integrals, principal_frame, unit_normals
+from .geometry import even_directions, principal_frame, unit_normals
 from .input_checks import check_positive, number_array
 from .placement import Placement, quaternion_of
 from .polygon_fit import from_polygon
+from .union_mass import OUTLINE_POINTS, ConvexShape, moments_of, surface_points
 
-ConvexShape = ArcChain | BallPolyhedron
 Part = TypeVar("Part", ArcChain, BallPolyhedron)
 
-OUTLINE_POINTS = 4000  # of a part; two such outlines give moments to about 1e-8
-GRID = 72  # cells per axis that measure a 3D union, to about 1e-3
+PEAK_POINTS = 8000  # of all parts, where the greatest number of parts is sought
 BALL_MARGIN = 1.001  # on the radius of a ball about sampled points of a part, for what lies between them
 REACH_MARGIN = 1.0005  # the same for the bounding radius of the union
 UNIT_QUATERNION = 1e-6  # by how much the length of a quaternion may differ from 1
@@ -90,18 +89,13 @@ class Union(GrainShape):
 
     def part_bounds(self) -> tuple[NDArray, NDArray]:
         """See `GrainShape.part_bounds`."""
-        balls = [_ball_about(m) for m in self.members]
+        balls = [ball_about(m) for m in self.members]
         return np.array([c for c, _ in balls]), np.array([r for _, r in balls])
 
 
-def _surface_points(part: ConvexShape, count: int) -> NDArray:
-    """About `count` points (k, dim) of the surface of a convex part."""
-    return part.outline(count) if isinstance(part, ArcChain) else part.support_points(even_directions(count))
-
-
-def _ball_about(part: ConvexShape) -> tuple[NDArray, float]:
+def ball_about(part: ConvexShape) -> tuple[NDArray, float]:
     """Centre (dim,) and radius of a ball that holds a convex part."""
-    x = _surface_points(part, 512 if part.dim == 2 else 2000)
+    x = surface_points(part, 512 if part.dim == 2 else 2000)
     middle = 0.5 * (x.min(axis=0) + x.max(axis=0))
     return middle, float(np.linalg.norm(x - middle, axis=1).max()) * BALL_MARGIN
 
@@ -185,7 +179,7 @@ def union(
     -------
     Union or ArcChain or BallPolyhedron
         The grain, moved to its centre of mass and in 3D rotated into the principal frame. Mass properties are those of
-        the true union, to about 1e-8 in 2D and 1e-3 in 3D. A single part is returned as it is.
+        the true union, to about 1e-8 in 2D and 1e-4 in 3D. A single part is returned as it is.
 
     Raises
     ------
@@ -238,7 +232,7 @@ def union_and_placement(
 def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> tuple[Union, Placement]:
     """The grain of two parts or more; see `union_and_placement`."""
     dim = members[0].dim
-    measure, centroid, second = _moments_2d(members) if dim == 2 else _moments_3d(members)
+    measure, centroid, second = moments_of(members)
     inertia, frame = principal_frame(second)
     unit = np.pi / 4 if dim == 2 else np.pi / 6
     factor = (unit / measure) ** (1.0 / dim) if normalise else 1.0
@@ -249,7 +243,7 @@ def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> tup
             moved.append(m.moved(frame.T, -frame.T @ centroid).rescaled(factor))
         else:
             moved.append(place_part(m, -factor * centroid, 0.0, factor))
-    points = np.concatenate([_surface_points(m, OUTLINE_POINTS) for m in moved])
+    points = np.concatenate([surface_points(m, OUTLINE_POINTS) for m in moved])
     reach = float(np.linalg.norm(points, axis=1).max()) * REACH_MARGIN
     shape = Union(
         name=name,
@@ -260,7 +254,7 @@ def _union_of(members: Sequence[ConvexShape], name: str, normalise: bool) -> tup
         overlap_limit=min(m.overlap_limit for m in moved),
         lever=reach,
         members=tuple(moved),
-        stiffness_peak=_stiffness_peak(moved, points),
+        stiffness_peak=_stiffness_peak(moved, points[:: max(1, len(points) // PEAK_POINTS)]),
     )
     return shape, Placement(centroid, 0.0 if dim == 2 else quaternion_of(frame), 1.0 / factor)
 
@@ -276,76 +270,6 @@ def _stiffness_peak(members: Sequence[ConvexShape], points: NDArray) -> float:
     depth = np.array([_depth_in(m, points) for m in members])
     outer = depth.max(axis=0) < 0.5 * PROBE
     return float((depth[:, outer] > -PROBE).sum(axis=0).max())
-
-
-def _moments_2d(members: Sequence[ConvexShape]) -> tuple[float, NDArray, NDArray]:
-    """(area, centroid (2,), second moments (2, 2) about it) of the union of 2D parts."""
-    # Chords miss an area that falls as 1/n^2: two numbers of points extrapolate it (Richardson).
-    coarse = _outline_moments(members, OUTLINE_POINTS // 2)
-    fine = _outline_moments(members, OUTLINE_POINTS)
-    area = (4.0 * fine[0] - coarse[0]) / 3.0
-    first, second = (4.0 * fine[1] - coarse[1]) / 3.0, (4.0 * fine[2] - coarse[2]) / 3.0
-    centroid = first / area
-    return area, centroid, second - area * np.outer(centroid, centroid)
-
-
-def _outline_moments(members: Sequence[ConvexShape], count: int) -> tuple[float, NDArray, NDArray]:
-    """Area, first moment (2,) and second moments (2, 2) of the union of the parts' outlines of `count` points."""
-    import shapely
-
-    body = shapely.union_all([shapely.Polygon(_surface_points(m, count)) for m in members])
-    if not isinstance(body, shapely.Polygon):
-        raise InputError("members: must hang together, but the union falls apart; move the parts together")
-    area, first, second = 0.0, np.zeros(2), np.zeros((2, 2))
-    # The exterior counts with its area and the holes against it, whatever the sense of their points.
-    for ring, outer in ((body.exterior, True), *((hole, False) for hole in body.interiors)):
-        twice_area, six_first, second_24 = polygon_integrals(shapely.get_coordinates(ring)[:-1])
-        sign = np.sign(twice_area) * (1.0 if outer else -1.0)
-        area += sign * 0.5 * twice_area
-        first += sign * six_first / 6.0
-        second += sign * second_24 / 24.0
-    return float(area), first, second
-
-
-def _moments_3d(members: Sequence[ConvexShape]) -> tuple[float, NDArray, NDArray]:
-    """(volume, centroid (3,), second moments (3, 3) about it) of the union of 3D parts, by midpoint sums over a grid.
-
-    Parts hang together if they overlap in a chain.
-    """
-    reach = [_surface_points(m, 500) for m in members]
-    low, high = np.concatenate(reach).min(axis=0), np.concatenate(reach).max(axis=0)
-    width = (high - low) / GRID
-    axes = [low[i] + width[i] * (np.arange(GRID) + 0.5) for i in range(3)]
-    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    inside = np.array([_inside(m, *axes) for m in members])
-    joined, waiting = {0}, [0]  # parts reached from the first one through overlaps
-    while waiting:
-        here = waiting.pop()
-        for other in range(len(members)):
-            if other not in joined and np.any(inside[here] & inside[other]):
-                joined.add(other)
-                waiting.append(other)
-    if len(joined) < len(members):
-        raise InputError("members: must hang together, but the union falls apart; move the parts together")
-    x = x[inside.any(axis=0)]
-    cell = width.prod()
-    measure, centroid = cell * len(x), x.mean(axis=0)
-    return float(measure), centroid, cell * np.einsum("ki,kj->ij", x - centroid, x - centroid)
-
-
-def _inside(part: ConvexShape, x: NDArray, y: NDArray, z: NDArray) -> NDArray:
-    """Which points of a grid (len(x) len(y) len(z),) lie inside a convex part, of which 1000 planes tell.
-
-    A line along z enters and leaves a convex body once: at the last and the first plane that it crosses.
-    """
-    n = even_directions(1000)  # an even number: none is square to z
-    support, enters, leaves = part.support(n), n[:, 2] < 0.0, n[:, 2] > 0.0
-    result = np.zeros((len(x), len(y), len(z)), bool)
-    for i in range(len(x)):
-        height = (support - x[i] * n[:, 0] - np.outer(y, n[:, 1])) / n[:, 2]
-        low, high = height[:, enters].max(axis=1), height[:, leaves].min(axis=1)
-        result[i] = (z > low[:, None]) & (z < high[:, None])
-    return result.reshape(-1)
 
 
 def crossed_bars(arm_ratio: float = 3.0, corner_radius: float = 0.05) -> Union:

@@ -55,3 +55,16 @@ def test_wrong_parts_are_refused():
         place_part(cube, (0.0, 0.0, 0.0), np.eye(2))
     with pytest.raises(InputError, match="arm_ratio = 1"):
         lsm.shapes.crossed_bars(1)
+
+
+def test_a_union_in_3d_has_the_mass_of_what_it_covers():
+    """Two balls of radius R = 0.5 at the distance s: less the lens pi (4 R + s)(2 R - s)^2/12 that they share."""
+    s, ball = 0.6, lsm.shapes.ball_of_faces(1)
+    pair = union([place_part(ball, (0.5 * s, 0.1, -0.2)), place_part(ball, (-0.5 * s, 0.1, -0.2))], normalise=False)
+    assert pair.measure == pytest.approx(np.pi / 3 - np.pi * (2.0 + s) * (1.0 - s) ** 2 / 12, rel=1e-4)
+    # About the axis int pi rho^4/2 dx, across int pi rho^2 (x^2 + rho^2/4) dx, rho^2 = R^2 - (x - s/2)^2 for x > 0.
+    x, weight = np.polynomial.legendre.leggauss(20)
+    x, weight = 0.5 * (0.5 + 0.5 * s) * (x + 1.0), 0.5 * (0.5 + 0.5 * s) * weight
+    square = 0.25 - (x - 0.5 * s) ** 2
+    axial, across = np.pi * weight @ square**2, 2.0 * np.pi * weight @ (square * (x**2 + 0.25 * square))
+    assert pair.inertia == pytest.approx([axial, across, across], rel=2e-4)
