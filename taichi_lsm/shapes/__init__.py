@@ -1,6 +1,7 @@
 """Grain shapes: what a grain's surface is, and the ways to make one. Host code, no kernels."""
 
 from .aggregates import Aggregate, angular_aggregate
+from .apparent_stiffness import ApparentStiffness, apparent_stiffness
 from .arc_chain import ArcChain, disc, sphere
 from .ball_polyhedron import BallPolyhedron
 from .base import GrainShape, rescaled
@@ -12,6 +13,8 @@ from .image_outlines import outline_of_image
 from .laguerre_tiles import Tile, laguerre_packing, laguerre_tiles
 from .mesh_bodies import bodies_of_mesh
 from .meshes import Misfit, from_mesh
+from .non_convex_meshes import non_convex_mesh
+from .non_convex_outlines import PartsMisfit, non_convex_outline
 from .outlines import OutlineMisfit, from_outline
 from .patch_meshes import SurfaceMesh
 from .patch_surfaces import PatchSurface, patch_surface
@@ -31,6 +34,7 @@ GrainShape.from_patches = staticmethod(from_patches)
 
 __all__ = [
     "Aggregate",
+    "ApparentStiffness",
     "ArcChain",
     "BallPolyhedron",
     "Coverage",
@@ -38,6 +42,7 @@ __all__ = [
     "Imported",
     "Misfit",
     "OutlineMisfit",
+    "PartsMisfit",
     "PatchGrain",
     "PatchSurface",
     "Placement",
@@ -46,6 +51,7 @@ __all__ = [
     "Tile",
     "Union",
     "angular_aggregate",
+    "apparent_stiffness",
     "arc_chain",
     "ball_of_faces",
     "ball_polyhedron",
@@ -66,6 +72,8 @@ __all__ = [
     "laguerre_packing",
     "laguerre_tiles",
     "load_shapes",
+    "non_convex_mesh",
+    "non_convex_outline",
     "outline_error",
     "outline_of_image",
     "patch_surface",

@@ -15,6 +15,7 @@ PACKAGE = "taichi-lsm"
 EXTRAS = {  # and what needs them; one for developers is not asked for
     "cluster": "lsm sweep",
     "calibration": "lsm calibrate, lsm sensitivity",
+    "decompose": "lsm.shapes.non_convex_mesh without given parts",
     "export": "lsm export --format vtk or gsd, pictures of spheres and polyhedra",
 }
 
