@@ -98,30 +98,39 @@ def non_convex_mesh(
     label, vertices, triangles = triangles_of(mesh)
     found = mended(label, vertices, triangles)
     solid = trimesh.Trimesh(*chosen_body(label, found, body), process=False)
-    size, centre = (6.0 * solid.volume / np.pi) ** (1.0 / 3.0), solid.center_mass
-    solid.apply_translation(-centre)
-    solid.apply_scale(1.0 / size)
-    if parts is None:
-        hulls = _decomposed(solid, concavity, random_seed)
-    else:
-        hulls = [part.convex_hull for part in parts]
-        for hull in hulls:
-            hull.apply_translation(-(found.origin + found.size * centre))
-            hull.apply_scale(1.0 / (found.size * size))
-    solids = grown_solids(hulls, faces, corner_radius)
-    for _ in range(FOLLOW_STEPS):
-        for part in solids:
-            if part.bulging:
-                part.follow(_rounded(part, corner_radius))
-    members = [_rounded(part, corner_radius) for part in solids]
-    for _ in range(VOLUME_STEPS):
-        offset = (solid.volume - _volume(members)) / solid.area
-        for part in solids:
-            part.offset += offset
-        members = [_rounded(part, corner_radius) for part in solids]
+    hulls = [part.convex_hull for part in parts or ()]
+    for hull in hulls:
+        hull.apply_translation(-found.origin)
+        hull.apply_scale(1.0 / found.size)
+    hulls = _about_centre(solid, hulls) or _decomposed(solid, concavity, random_seed)
+    members = _of_right_volume(grown_solids(hulls, faces, corner_radius), corner_radius, solid)
     whole = union(members, name="mesh")
     shape = whole if isinstance(whole, Union) else members[0].normalised()
     return shape, _misfit(members, shape, solid)
+
+
+def _about_centre(body: trimesh.Trimesh, hulls: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
+    """Move a body to its centre of mass and scale it to its equivalent diameter, and the hulls with it; the hulls."""
+    size, centre = (6.0 * body.volume / np.pi) ** (1.0 / 3.0), body.center_mass
+    for solid in (body, *hulls):
+        solid.apply_translation(-centre)
+        solid.apply_scale(1.0 / size)
+    return hulls
+
+
+def _of_right_volume(solids: list[Solid], radius: float, body: trimesh.Trimesh) -> list[BallPolyhedron]:
+    """The rounded parts: their faces follow those of smooth hulls, then all move by one length."""
+    for _ in range(FOLLOW_STEPS):
+        for solid in solids:
+            if solid.bulging:
+                solid.follow(_rounded(solid, radius))
+    members = [_rounded(solid, radius) for solid in solids]
+    for _ in range(VOLUME_STEPS):
+        offset = (body.volume - _volume(members)) / body.area
+        for solid in solids:
+            solid.offset += offset
+        members = [_rounded(solid, radius) for solid in solids]
+    return members
 
 
 def _decomposed(body: trimesh.Trimesh, concavity: float, random_seed: int) -> list[trimesh.Trimesh]:

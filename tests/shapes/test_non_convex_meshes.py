@@ -26,6 +26,7 @@ def test_the_plane_between_two_boxes_is_a_cut_and_the_smaller_one_is_drawn_in():
 
 def test_an_l_of_two_boxes_keeps_its_volume_and_is_nowhere_stiffer():
     shape, misfit = non_convex_mesh(prism(L_CORNERS, 0.8), parts=boxes_of_an_l())
+    print("l", misfit)
     assert shape.measure == pytest.approx(np.pi / 6, rel=1e-6) and misfit.parts == 2
     assert abs(misfit.measure) < 0.01 and abs(misfit.inertia) < 0.02
     assert misfit.least_stiffness >= 0.9 and misfit.greatest_stiffness <= 1.1
