@@ -98,7 +98,7 @@ def non_convex_mesh(
     label, vertices, triangles = triangles_of(mesh)
     found = mended(label, vertices, triangles)
     solid = trimesh.Trimesh(*chosen_body(label, found, body), process=False)
-    hulls = [part.convex_hull for part in parts or ()]
+    hulls = [part.convex_hull.copy() for part in parts or ()]
     for hull in hulls:
         hull.apply_translation(-found.origin)
         hull.apply_scale(1.0 / found.size)
