@@ -88,13 +88,25 @@ def non_convex_mesh(
     Wei, Liu, Ling and Su (2022), Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
     search, ACM Transactions on Graphics 41.
     """
-    import trimesh
-
     from .solid_parts import grown_solids
 
     check_between("faces", faces, 4, 100)
     check_corner_radius(corner_radius, 0.25)
     check_between("concavity", concavity, 0.01, 1.0)
+    solid, hulls = _body_and_hulls(mesh, parts, body)
+    hulls = hulls or _decomposed(solid, concavity, random_seed)
+    members = _of_right_volume(grown_solids(hulls, faces, corner_radius), corner_radius, solid)
+    whole = union(members, name="mesh")
+    shape = whole if isinstance(whole, Union) else members[0].normalised()
+    return shape, _misfit(members, shape, solid)
+
+
+def _body_and_hulls(
+    mesh: str | PathLike[str] | trimesh.Trimesh, parts: Sequence[trimesh.Trimesh] | None, body: int | None
+) -> tuple[trimesh.Trimesh, list[trimesh.Trimesh]]:
+    """A mended mesh about its centre of mass in units of its equivalent diameter, and the hulls of its parts there."""
+    import trimesh
+
     label, vertices, triangles = triangles_of(mesh)
     found = mended(label, vertices, triangles)
     solid = trimesh.Trimesh(*chosen_body(label, found, body), process=False)
@@ -102,20 +114,11 @@ def non_convex_mesh(
     for hull in hulls:
         hull.apply_translation(-found.origin)
         hull.apply_scale(1.0 / found.size)
-    hulls = _about_centre(solid, hulls) or _decomposed(solid, concavity, random_seed)
-    members = _of_right_volume(grown_solids(hulls, faces, corner_radius), corner_radius, solid)
-    whole = union(members, name="mesh")
-    shape = whole if isinstance(whole, Union) else members[0].normalised()
-    return shape, _misfit(members, shape, solid)
-
-
-def _about_centre(body: trimesh.Trimesh, hulls: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
-    """Move a body to its centre of mass and scale it to its equivalent diameter, and the hulls with it; the hulls."""
-    size, centre = (6.0 * body.volume / np.pi) ** (1.0 / 3.0), body.center_mass
-    for solid in (body, *hulls):
-        solid.apply_translation(-centre)
-        solid.apply_scale(1.0 / size)
-    return hulls
+    size, centre = (6.0 * solid.volume / np.pi) ** (1.0 / 3.0), solid.center_mass
+    for one in (solid, *hulls):
+        one.apply_translation(-centre)
+        one.apply_scale(1.0 / size)
+    return solid, hulls
 
 
 def _of_right_volume(solids: list[Solid], radius: float, body: trimesh.Trimesh) -> list[BallPolyhedron]:

@@ -115,7 +115,7 @@ def non_convex_outline(
 
 def _rounded(ring: NDArray, corner_radius: float, arcs_per_corner: int) -> ArcChain:
     """The arc chain within a convex polygon, where the polygon lies."""
-    chain, centre = chain_and_centre(ring, corner_radius, arcs_per_corner, "part")
+    chain, centre = chain_and_centre(ring, corner_radius, arcs_per_corner, "part", SIDE_HALF_WIDTH)
     return place_part(chain, centre)
 
 

@@ -237,12 +237,15 @@ def from_polygon(
 
 
 def chain_and_centre(
-    vertices: ArrayLike, corner_radius: float, arcs_per_corner: int, name: str
+    vertices: ArrayLike, corner_radius: float, arcs_per_corner: int, name: str, half_width: float = SIDE_HALF_WIDTH
 ) -> tuple[ArcChain, NDArray]:
-    """As `from_polygon` in the unit of the vertices: (shape, where its centre of mass (2,) lies among them)."""
+    """As `from_polygon` in the unit of the vertices: (shape, where its centre of mass (2,) lies among them).
+
+    half_width: its side_half_width.
+    """
     points, size, middle = _convex_sides(vertices)
-    _check_fit(size, corner_radius, SIDE_HALF_WIDTH, arcs_per_corner, None)
-    breaks, radius, first = _arcs_within(points, size, corner_radius, SIDE_HALF_WIDTH, arcs_per_corner, None)
+    _check_fit(size, corner_radius, half_width, arcs_per_corner, None)
+    breaks, radius, first = _arcs_within(points, size, corner_radius, half_width, arcs_per_corner, None)
     chain = arc_chain(breaks, size * radius, name=name, normalise=False)
     start = chain.centre[0] + chain.radius[0] * chain.seam[0]
     return chain, middle + size * first - start
