@@ -83,18 +83,22 @@ class RecordHead(NamedTuple):
         Where things lie.
     content
         All bytes before the records, with a count of 0: a file of its own, without any record.
-    identity
-        Device and number of the file, by which a reader tells whether another one has taken its place.
     """
 
     layout: RecordLayout
     content: bytes
-    identity: tuple[int, int]
 
     def text(self, name: str) -> str:
         """A global attribute of text, "" if there is none."""
         start, size = self.layout.texts.get(name, (0, 0))
         return self.content[start : start + size].rstrip(b"\0").decode()
+
+    def is_of(self, file: io.FileIO) -> bool:
+        """Whether an open file has the same header, whatever it counts; numbers of files are given away again."""
+        end = min(self.layout.fixed.values(), default=self.layout.start)
+        header = self.content[COUNT_AT + 4 : end]
+        file.seek(COUNT_AT + 4)
+        return file.read(len(header)) == header
 
     def continues(self, former: "RecordHead") -> bool:
         """Whether it has the records of a former file whose place it took: of the same run, made anew as it went on."""
@@ -121,13 +125,7 @@ def read_head(path: Path) -> RecordHead:
         file.seek(0)
         content = bytearray(file.read(layout.start))
         content[COUNT_AT : COUNT_AT + 4] = bytes(4)
-        return RecordHead(layout, bytes(content), identity_of(file))
-
-
-def identity_of(file: BinaryIO | io.FileIO) -> tuple[int, int]:
-    """Device and number of an open file."""
-    status = os.fstat(file.fileno())
-    return status.st_dev, status.st_ino
+        return RecordHead(layout, bytes(content))
 
 
 def layout_of(image: memoryview | bytearray) -> RecordLayout:

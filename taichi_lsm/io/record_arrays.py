@@ -17,7 +17,7 @@ from xarray.core import indexing
 
 from ..core.errors import InputError, reason
 from ..core.netcdf_input import opened_content
-from ..core.record_netcdf import RecordHead, identity_of, read_head
+from ..core.record_netcdf import RecordHead, read_head
 
 SMALL_RECORD = 2**12  # bytes: records below are read as a whole, for their neighbours come along anyway
 AT_ONCE = 2**24  # bytes that are read together
@@ -64,7 +64,7 @@ class RecordArray(BackendArray):
         try:
             for _ in range(TRIES):
                 with open(self.path, "rb", buffering=0) as file:
-                    if identity_of(file) == self.head.identity:
+                    if self.head.is_of(file):
                         return self._values(file.fileno(), records)
                 self._take_over()
         except InputError:

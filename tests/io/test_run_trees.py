@@ -105,6 +105,21 @@ def test_a_file_that_the_run_made_anew_goes_on_where_it_was(tmp_path):
         tree.grains.position.values  # noqa: B018
 
 
+def test_a_file_is_known_by_its_header_and_not_by_its_number(tmp_path):
+    """A file system gives the number of a file that was removed to a new one: here another header in the same file."""
+    path = tmp_path / "contacts.nc"
+    rows = moments_of([touching(PLACE, 1.0)] * 2, [0.0, 1e-3])
+    write_contacts(path, rows.assign_attrs(id="a run"), run_status="running", room=4)
+    contacts = lsm.open_run(tmp_path).contacts
+    write_contacts(tmp_path / "new", rows.assign_attrs(id="a run"), run_status="running", room=20)
+    path.write_bytes((tmp_path / "new").read_bytes())
+    assert np.array_equal(contacts.branch.values, rows.branch.values)
+    write_contacts(tmp_path / "new", rows.assign_attrs(id="other"), run_status="running", room=20)
+    path.write_bytes((tmp_path / "new").read_bytes())
+    with pytest.raises(lsm.InputError, match="was replaced since it was opened"):
+        contacts.branch.values  # noqa: B018
+
+
 def test_a_header_whose_sizes_disagree_is_refused(tmp_path):
     """The size of a variable stands in the header twice, by its dimensions and in bytes: 5 grains of 3 values of 8."""
     path = tmp_path / "grains.nc"
