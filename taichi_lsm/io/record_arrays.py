@@ -88,7 +88,7 @@ class RecordArray(BackendArray):
             for row, number in zip(found, records, strict=True):
                 row[:] = self._bytes(file, start + number * size + self.offset, width)
         else:
-            many = max(1, AT_ONCE // size)
+            many = max(1, AT_ONCE // (size * records.step))
             for first in range(0, len(records), many):
                 some = records[first : first + many]
                 span = some[-1] - some[0] + 1

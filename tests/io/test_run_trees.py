@@ -160,6 +160,23 @@ def test_any_choice_of_a_file_gives_the_values_of_the_whole(tmp_path, monkeypatc
     xarray.testing.assert_identical(lazy.sel(stage="stage 2").load(), whole.sel(stage="stage 2"))
 
 
+def test_each_hundredth_record_is_read_in_pieces_too(tmp_path, monkeypatch):
+    """What lies between the records comes along: it must not add up to the whole file in memory."""
+    rows = moments_of([touching(PLACE, 1.0)] * 200, np.arange(200.0))
+    write_contacts(tmp_path / "contacts.nc", rows)
+    force, sizes, read = lsm.open_run(tmp_path).contacts.normal_force, [], record_arrays.RecordArray._bytes
+
+    def counted(self, file, start, size):
+        sizes.append(size)
+        return read(self, file, start, size)
+
+    monkeypatch.setattr(record_arrays.RecordArray, "_bytes", counted)
+    monkeypatch.setattr(record_arrays, "AT_ONCE", 20_000)
+    for step in (1, 10, 100, 599):
+        assert np.array_equal(force[::step].values, rows.normal_force.values[::step])
+    assert 0 < max(sizes) <= 20_000 and sum(sizes) > 40_000
+
+
 @pytest.mark.parametrize("run_status", ["running", "failed", "interrupted"])
 def test_a_run_that_only_began_was_killed_or_failed_is_opened(tmp_path, run_status):
     """A killed one has run_status running."""
