@@ -14,7 +14,7 @@ from workflows.cli.progress import ProgressLine
 from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
 from workflows.common.run_folder import PLOTS, check_folder
 
-FASTEST = 50.0  # frames per second: a GIF counts in hundredths of a second
+SLOWEST, FASTEST = 0.01, 50.0  # frames per second: a GIF counts in hundredths of a second, up to 655 s
 
 
 def animate(
@@ -29,7 +29,7 @@ def animate(
             "lsm plot draws of one moment",
         ),
     ] = "packing_velocity",
-    fps: Annotated[float, Parameter(name="--fps", help="frames per second, up to 50")] = 10.0,
+    fps: Annotated[float, Parameter(name="--fps", help="frames per second, from 0.01 to 50")] = 10.0,
     times: Annotated[
         str,
         Parameter(
@@ -57,8 +57,8 @@ def animate(
     names = [name.strip() for name in what.split(",")]
     try:
         require_run(folder)
-        if not 0.0 < fps <= FASTEST:
-            raise InputError(f"--fps {fps:g}: must be above 0 and at most {FASTEST:g}")
+        if not SLOWEST <= fps <= FASTEST:
+            raise InputError(f"--fps {fps:g}: must be from {SLOWEST:g} to {FASTEST:g}")
         runs = runs_to_draw(folder, folder / PLOTS)
         if out is not None and len(names) * len(runs) > 1:
             raise InputError(f"--out {out}: is one file, not {len(names) * len(runs)} films; leave it out")

@@ -179,7 +179,7 @@ def _mp4(path: Path, figure: Figure, fps: float, draw: Draw, count: int) -> Iter
     size = _picture(figure).size
     # The format must be named: the file has another name until it is whole.
     options = ["-pix_fmt", "yuv420p", "-vf", EVEN, "-f", "mp4"]
-    writer = FFMpegWriter(fps=round(fps), codec="libx264", extra_args=options)
+    writer = FFMpegWriter(fps=cast(Any, fps), codec="libx264", extra_args=options)
     with writer.saving(figure, str(path), DPI):
 
         def add() -> None:

@@ -93,10 +93,11 @@ def test_an_mp4_gets_all_frames(folder, tmp_path, monkeypatch):
     program.write_text(FFMPEG.format(python=sys.executable))
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setenv("PATH", f"{program.parent}{os.pathsep}{os.environ['PATH']}")
-    assert animate(folder, "--quiet", "--format", "mp4", "--out", tmp_path / "a.mp4") == 0
+    assert animate(folder, "--quiet", "--format", "mp4", "--fps", "0.4", "--out", tmp_path / "a.mp4") == 0
     count, arguments = (tmp_path / "a.mp4").read_text().split(" ", 1)
     width, height = map(int, arguments.split("'-s', '")[1].split("'")[0].split("x"))
     assert width == 3.5 * DOTS and int(count) == 3 * 4 * width * height
+    assert "'-r', '0.4'" in arguments or "'-framerate', '0.4'" in arguments
     assert "'-f', 'mp4'" in arguments and "pad=ceil(iw/2)*2" in arguments
 
 
@@ -112,7 +113,8 @@ def test_mistakes_are_answered_and_leave_nothing(folder, tmp_path, monkeypatch, 
         ((folder, "--out", tmp_path / "a.avi"), "must end in .gif or .mp4"),
         ((folder, "--what", "friction"), "shows a whole run; films are made of force_chains, packing_"),
         ((folder, "--what", "packing"), "unknown figure"),
-        ((folder, "--fps", "0"), "--fps 0: must be above 0 and at most 50"),
+        ((folder, "--fps", "0"), "--fps 0: must be from 0.01 to 50"),
+        ((folder, "--fps", "1e-4"), "--fps 0.0001: must be from 0.01 to 50"),
         ((folder, "--out", tmp_path / "a.gif", "--what", "rose,force_chains"), "is one file, not 2 films"),
         ((folder, "--out", tmp_path / "a.gif", "--format", "mp4"), "does not end in .mp4"),
         ((one,), "a film needs two moments, and there is 1; a run with --snapshots every=0.01"),
