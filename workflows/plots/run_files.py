@@ -67,8 +67,9 @@ class RunFiles:
 
     @cached_property
     def sheared(self) -> xarray.Dataset:
-        """Rows of run.nc since shear began, at least two."""
+        """Rows of run.nc since shear began that have a strain, at least two."""
         rows = sheared_rows(self.table)
+        rows = rows.isel(time=np.isfinite(rows.shear_strain.values))  # a run that failed may have lost it
         if rows.sizes["time"] < 2:
             raise lsm.InputError(f"needs two rows of run.nc since shear began, there are {rows.sizes['time']}")
         return rows

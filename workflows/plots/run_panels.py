@@ -89,7 +89,10 @@ def draw_thickness(axes: Any, sheared: xarray.Dataset, course: Course, colour: s
 
     thickness = 1e3 * sheared.layer_thickness.values
     axes.plot(course.values, thickness, color=colour, lw=1.3)
-    solid = float(np.mean(thickness * (1.0 - sheared.porosity.values)))
+    volume = thickness * (1.0 - sheared.porosity.values)
+    if not np.isfinite(volume).any():
+        raise lsm.InputError("needs layer_thickness and porosity, and no row of run.nc has both")
+    solid = float(np.mean(volume[np.isfinite(volume)]))
     scales = (lambda height: 1.0 - solid / height, lambda porosity: solid / (1.0 - porosity))
     second = axes.secondary_yaxis("right", functions=scales)
     second.set_ylabel("porosity [1]")

@@ -65,6 +65,24 @@ def test_all_figures_are_drawn_and_say_what_they_show(folder, tmp_path, capsys):
         assert words.endswith("inertial number 0.001, stiffness number 1000")
 
 
+def test_a_run_that_lost_grains_and_rows_is_drawn(folder, tmp_path, monkeypatch, capsys):
+    """One whose last rows are no numbers, nor is the place of a grain; without any porosity its figure is left out."""
+    run = tmp_path / "run"
+    shutil.copytree(folder, run)
+    monkeypatch.setattr(run_figures, "figure_names", lambda: [*COURSE, "profiles"])
+    with netCDF4.Dataset(run / "grains.nc", "a") as grains:
+        grains["position"][:, 3] = np.nan
+    with netCDF4.Dataset(run / "run.nc", "a") as rows:
+        for name in ("shear_strain", "friction", "shear_stress", "layer_thickness", "external_work", "porosity"):
+            rows[name][-3:] = np.nan
+    assert plot(run) == 0
+    assert len(list((run / "plots").iterdir())) == 5 and "not drawn" not in capsys.readouterr().out
+    with netCDF4.Dataset(run / "run.nc", "a") as rows:
+        rows["porosity"][:] = np.nan
+    assert plot(run) == 0
+    assert "not drawn: thickness: needs layer_thickness and porosity, and no row" in capsys.readouterr().out
+
+
 def test_what_is_missing_is_told_with_the_option_that_records_it(folder, tmp_path, monkeypatch, capsys):
     run = tmp_path / "run"
     shutil.copytree(folder, run, ignore=shutil.ignore_patterns("contacts.nc"))

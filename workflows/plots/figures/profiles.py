@@ -66,5 +66,7 @@ def steady_times(run: RunFiles) -> tuple[tuple[float, float], str]:
 
 def slabs_of(grains: xarray.Dataset) -> int:
     """Number of slabs, each about as high as a mean grain."""
-    height = np.ptp(grains.position.isel(time=-1).values[:, 1])
+    y = grains.position.isel(time=-1).values[:, 1]
+    y = y[np.isfinite(y)]  # a run that failed may have lost grains
+    height = np.ptp(y) if y.size else 0.0
     return int(np.clip(round(height / float(grains.shape_scale.mean())), *SLABS))
