@@ -74,8 +74,9 @@ def kernel_cache() -> Finding:
             "kernel cache", "problem", "switched off by TI_OFFLINE_CACHE=0: every run compiles anew; unset it"
         )
     folder = cache_folder()
-    sizes = [path.stat().st_size for path in folder.glob("*.tic")] if folder.is_dir() else []
-    above = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    # Of a folder in one that may not be searched Path.exists raises PermissionError, os.path.exists says no.
+    sizes = [path.stat().st_size for path in folder.glob("*.tic")] if os.path.isdir(folder) else []
+    above = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
         text = f"{folder}: cannot be written, every run compiles anew; name another folder in {CACHE}"
         return Finding("kernel cache", "problem", text)

@@ -110,6 +110,23 @@ def test_the_kernel_cache_is_where_taichi_has_it(tmp_path, monkeypatch):
     assert machine.cache_folder() == tmp_path / "taichi" / "ticache"
 
 
+def test_a_kernel_cache_in_a_folder_that_may_not_be_searched(tmp_path, monkeypatch):
+    """The system answers PermissionError for all that is in it; a superuser is never refused."""
+    closed, stat = tmp_path / "closed", os.stat
+
+    def refuse(path, *rest, **more):
+        if str(path).startswith(f"{closed}{os.sep}"):
+            raise PermissionError(13, "Permission denied")
+        return stat(path, *rest, **more)
+
+    closed.mkdir()
+    monkeypatch.setenv(machine.CACHE, str(closed / "kernels"))
+    monkeypatch.setattr(os, "stat", refuse)
+    monkeypatch.setattr(os, "access", lambda path, mode: path != closed)
+    found = machine.kernel_cache()
+    assert found.state == "problem" and "cannot be written, every run compiles anew" in found.text
+
+
 def test_little_memory_and_a_full_disk_are_problems(tmp_path, monkeypatch):
     told = tmp_path / "meminfo"
     told.write_text("MemTotal: 8000000 kB\nMemAvailable:  300000 kB\n")
