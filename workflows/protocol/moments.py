@@ -14,7 +14,8 @@ from typing import Any
 FAST = 10.0  # velocity of the platen over that of its load point, beyond which it slips in an event
 EVERY, WORDS = "every=", ("events", "stages", "end")
 LEAST, MOST = 1e-6, 1e3  # shear strain from moment to moment
-ALLOWED = "every=STRAIN such as every=0.01, events, stages or end"
+NONE = "none"
+ALLOWED = "every=STRAIN such as every=0.01, events, stages, end or none"
 Marks = dict[str, Any]  # by name: numbers and truth values
 
 
@@ -99,7 +100,9 @@ class Events:
 
 
 def checked_words(words: Sequence[str]) -> list[str]:
-    """Words such as ["every=0.01", "events"] as they are; ValueError if one means nothing or is given twice."""
+    """Words such as ["every=0.01", "events"] as they are, [] of "none"; ValueError if one means nothing or is twice."""
+    if [word.lower() for word in words] == [NONE]:
+        return []
     kinds = []
     for word in words:
         kinds.append(EVERY if word.startswith(EVERY) else word)

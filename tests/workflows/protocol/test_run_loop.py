@@ -220,12 +220,14 @@ def test_rows_in_which_bonds_broke_are_events():
 
 def test_words_for_moments():
     assert checked_words(["every=0.01", "events"]) == ["every=0.01", "events"]
+    assert checked_words(["none"]) == checked_words([]) == []
     assert interval(["stages", "every=0.25"]) == 0.25 and interval(["events"]) is None
     for words, message in (
         (["often"], "^must be every=STRAIN"),
         (["every=0"], "from 1e-06 to 1000"),
         (["every=nan"], "from 1e-06 to 1000"),
         (["end", "end"], "only once"),
+        (["none", "end"], "or none, or several"),
         (["every=0.1", "every=0.2"], "only once"),
     ):
         with pytest.raises(ValueError, match=message):
