@@ -67,8 +67,7 @@ def animate(
         for run, target in runs:
             for name in names:
                 path = target / f"{name}.{kind or 'gif'}" if out is None else out
-                check_folder(path.parent, "overwrite", "--out")
-                path.parent.mkdir(parents=True, exist_ok=True)
+                _make_folder(path, out is None)
                 with ProgressLine(quiet) as progress:
                     frames = draw_film(run, path, name, times, every, fps, progress)
                 if not quiet:
@@ -79,3 +78,12 @@ def animate(
         complain([reason_of(error)])
         return FAILED
     return COMPLETE
+
+
+def _make_folder(path: Path, own: bool) -> None:
+    """Make the folder of a film; its own, that of the figures, must hold no link over which it would lie elsewhere."""
+    if own:
+        check_folder(path.parent, "overwrite", "--out")
+    elif path.parent.exists() and not path.parent.is_dir():
+        raise InputError(f"--out {path}: {path.parent} is a file, must be a folder")
+    path.parent.mkdir(parents=True, exist_ok=True)

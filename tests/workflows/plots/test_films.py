@@ -117,6 +117,7 @@ def test_mistakes_are_answered_and_leave_nothing(folder, tmp_path, monkeypatch, 
         ((folder, "--fps", "1e-4"), "--fps 0.0001: must be from 0.01 to 50"),
         ((folder, "--out", tmp_path / "a.gif", "--what", "rose,force_chains"), "is one file, not 2 films"),
         ((folder, "--out", tmp_path / "a.gif", "--format", "mp4"), "does not end in .mp4"),
+        ((folder, "--out", one / "grains.nc" / "a.gif"), "grains.nc is a file, must be a folder"),
         ((one,), "a film needs two moments, and there is 1; a run with --snapshots every=0.01"),
         ((folder, "--times", "last"), "a film needs two moments"),
         ((one, "--what", "rose"), "needs contacts.nc"),
@@ -124,6 +125,12 @@ def test_mistakes_are_answered_and_leave_nothing(folder, tmp_path, monkeypatch, 
     for words, message in cases:
         assert animate(*words, "--quiet") == 2 and message in capsys.readouterr().err, message
     assert not list(tmp_path.glob("a.*")) and not list(one.glob("plots/*"))
+
+
+def test_a_film_may_lie_beside_links_of_the_user(folder, tmp_path):
+    (tmp_path / "notes").symlink_to(folder)
+    assert animate(folder, "--quiet", "--every", "2", "--out", tmp_path / "a.gif") == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gif", "notes"]
 
 
 def test_a_film_that_fails_leaves_no_part_of_it(folder, tmp_path, monkeypatch):
