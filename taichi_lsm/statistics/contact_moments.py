@@ -45,6 +45,7 @@ def contacts_at(contacts: "Run", time: float | None = None, index: int | None = 
         if "time" in dataset.dims:
             raise InputError("contacts: has times but no row_size, must be a contacts.nc, as lsm.open_run gives it")
         return dataset
+    dataset = dataset.isel(time=np.isfinite(np.asarray(dataset.time, float)))  # without room, which xarray leaves
     ends = np.concatenate([[0], np.cumsum(_row_sizes(dataset))])
     place = nearest(dataset.time, time, "moment") if index is None else _numbered(index, len(ends) - 1)
     rows = slice(int(ends[place]), int(ends[place + 1]))

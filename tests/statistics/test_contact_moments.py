@@ -58,6 +58,10 @@ def test_room_that_is_not_used_is_left_out(tmp_path, contacts, run_status):
     tree = lsm.open_run(tmp_path)
     assert not tree.contacts.branch.variable._in_memory
     same(lsm.contacts_at(tree, 0.1), MOMENTS[0])
+    with xarray.open_dataset(tmp_path / "contacts.nc") as plain:  # by xarray alone: with the room
+        assert plain.sizes["time"] == 7
+        same(lsm.contacts_at(plain), MOMENTS[2])
+        same(lsm.contacts_at(plain, 0.1), MOMENTS[0])
 
 
 def test_a_moment_whose_rows_are_not_all_there_is_not_there_yet(tmp_path, contacts):
