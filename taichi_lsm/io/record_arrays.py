@@ -63,9 +63,10 @@ class RecordArray(BackendArray):
         """Values (records, ...) of records with rising numbers."""
         try:
             for _ in range(TRIES):
+                head = self.head  # another thread may take over meanwhile
                 with open(self.path, "rb", buffering=0) as file:
-                    if self.head.is_of(file):
-                        return self._values(file.fileno(), records)
+                    if head.is_of(file):
+                        return self._values(file.fileno(), head.layout.start, records)
                 self._take_over()
         except InputError:
             raise
@@ -80,9 +81,9 @@ class RecordArray(BackendArray):
             raise InputError(f"{self.path}: was replaced since it was opened, open it again")
         self.head = head
 
-    def _values(self, file: int, records: range) -> npt.NDArray:
-        """Values of records of the open file."""
-        start, size, width = self.head.layout.start, self.record_size, self.width
+    def _values(self, file: int, start: int, records: range) -> npt.NDArray:
+        """Values of records of the open file, whose records begin at byte `start`."""
+        size, width = self.record_size, self.width
         found = np.empty((len(records), width), np.uint8)
         if size > SMALL_RECORD:
             for row, number in zip(found, records, strict=True):

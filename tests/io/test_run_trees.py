@@ -120,6 +120,23 @@ def test_a_file_is_known_by_its_header_and_not_by_its_number(tmp_path):
         contacts.branch.values  # noqa: B018
 
 
+def test_a_file_is_read_by_the_header_that_it_has_though_another_thread_takes_over(tmp_path, monkeypatch):
+    rows = moments_of([touching(PLACE, 1.0)] * 2, [0.0, 1e-3])
+    heads = []
+    for room in (4, 20):
+        write_contacts(tmp_path / f"{room}.nc", rows, room=room)
+        heads.append(record_arrays.read_head(tmp_path / f"{room}.nc"))
+    array = record_arrays.RecordArray(tmp_path / "4.nc", heads[0], "normal_force", float, ())
+    is_of = record_arrays.RecordHead.is_of
+
+    def meanwhile(self, file):
+        array.head = heads[1]
+        return is_of(self, file)
+
+    monkeypatch.setattr(record_arrays.RecordHead, "is_of", meanwhile)
+    assert np.array_equal(array._read((slice(None),)), rows.normal_force.values)
+
+
 def test_a_header_whose_sizes_disagree_is_refused(tmp_path):
     """The size of a variable stands in the header twice, by its dimensions and in bytes: 5 grains of 3 values of 8."""
     path = tmp_path / "grains.nc"
