@@ -88,7 +88,9 @@ def profiles(
     if "time" in grains.dims:
         snapshots = [grains.isel(time=place) for place in _chosen(grains, time)]
     given = _borders(bins)
-    source = run if contacts is None and holds(run, "contacts") else contacts
+    source = contacts
+    if contacts is None and holds(run, "contacts") and part_of(run, "contacts").sizes["time"]:  # none yet: no stress
+        source = run
     sums = _Sums()
     for snapshot in snapshots:
         _add(sums, snapshot.load(), given, source)

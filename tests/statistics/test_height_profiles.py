@@ -145,3 +145,14 @@ def test_what_is_no_profile_is_refused(layer):
         shear_band(layer.grains.to_dataset())
     with pytest.raises(InputError, match="velocity: None, must be the velocity at each height"):
         shear_band(np.arange(9.0))
+
+
+def test_a_run_whose_contacts_have_no_moment_yet_has_profiles_without_stress():
+    """As one with --contacts end that goes on."""
+    place = [[0.0, 0.0], [0.0, 0.9]]
+    grains, moments = grains_of(place, 1.0, [4.0]), moments_of([touching(place, 1.0, [4.0])], [0.0])
+    tree = xarray.DataTree.from_dict({"grains": grains, "contacts": moments})
+    assert "stress" in profiles(tree, bins=2)
+    none = moments.isel(time=slice(0), contact=slice(0))
+    found = profiles(xarray.DataTree.from_dict({"grains": grains, "contacts": none}), bins=2)
+    xarray.testing.assert_identical(found, profiles(tree, bins=2).drop_vars("stress"))
