@@ -81,7 +81,7 @@ def test_convex_grains_of_any_size_and_kind_of_image_are_accepted(name, radii):
             assert np.pi / 4 * placement.diameter**2 == pytest.approx(grain.sum(), rel=0.03)
             y, x = np.indices(grain.shape)
             centroid = np.array([np.sum(x * grain), np.sum(y * grain)]) / grain.sum()
-            assert placement.centre == pytest.approx(centroid, abs=0.15)
+            assert placement.centre == pytest.approx(centroid, abs=0.25)  # pixel
             inked = np.argwhere(grain > 0.5)[:, ::-1]
             ends = np.abs(
                 [outline.min(axis=0) - inked.min(axis=0) + 0.5, outline.max(axis=0) - inked.max(axis=0) - 0.5]
