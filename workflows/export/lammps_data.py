@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import taichi_lsm as lsm
 from workflows.export.snapshots import Frame, Snapshots
 
+SKIN = 0.1  # of the lists of neighbours, in mean diameters: that of LAMMPS in SI units is 1 mm, above many a layer
 CLUMP, SINGLE, GLUED = 1, 2, 3  # types: spheres of a mobile clump, mobile grains of one sphere, spheres of glued grains
 HEADER = """\
 Grains as clumps of spheres within their surfaces, at {time!r} s, SI units
@@ -22,7 +23,8 @@ Grains as clumps of spheres within their surfaces, at {time!r} s, SI units
 #   boundary {boundary}
 #   atom_style sphere
 #   atom_modify map array
-#   comm_modify vel yes
+#   comm_modify vel yes cutoff {reach:.4g}
+#   neighbor {skin:.4g} bin
 #   fix grain all property/atom mol ghost yes
 #   read_data {name} fix grain NULL Molecules
 {groups}
@@ -92,6 +94,10 @@ def _write_frame(file: TextIO, name: str, frame: Frame, spheres: Spheres) -> Non
     # One density for all spheres of a grain: together they have its mass.
     volume = np.pi / 6.0 * spheres.diameter**3
     density = frame.constant("mass")[row] / np.bincount(row, volume)[row]
+    skin = SKIN * float(frame.constant("shape_scale").mean())
+    # Every sphere of a clump must be known where any other one of it is, and whatever a sphere may touch.
+    arm = np.linalg.norm(spheres.centre - frame.position[row], axis=1)
+    reach = 1.01 * (max(2.0 * float(arm.max()), float(spheres.diameter.max())) + skin)
     share = np.linalg.solve(frame.cell.matrix, (spheres.centre - frame.cell.origin).T).T
     image = np.where(frame.cell.periodic, np.floor(share), 0.0)
     centre, image = spheres.centre - image @ frame.cell.matrix.T, image + frame.image[row]
@@ -105,6 +111,8 @@ def _write_frame(file: TextIO, name: str, frame: Frame, spheres: Spheres) -> Non
             dim=frame.dim,
             boundary=boundary,
             name=name,
+            reach=reach,
+            skin=skin,
             groups=f"{groups}\n{flat}".rstrip("\n"),
             atoms=count,
             box=_box(frame, centre, spheres.diameter),

@@ -143,6 +143,9 @@ def test_lammps_runs_the_clumps_as_the_file_says(run):
     header, _ = sections_of(path)
     deck = "\n".join(re.findall(r"^#   (.+)$", header, re.MULTILINE))
     printed = lmp(path.parent, deck + STEPS)
+    size = float(lsm.open_run(folder / "grains.nc").shape_scale.mean())
+    assert float(re.findall(r"neighbor (\S+) bin", header)[0]) == pytest.approx(0.1 * size, rel=1e-3)
+    assert "WARNING" not in printed  # of a skin wider than the box, or of a reach shorter than a clump
     assert "5 rigid bodies with" in printed  # grains 2, 3, 5, 6 and 8
     rows = re.findall(r"^ *(\d+) +\d+ +(\S+) +(\S+) *$", printed, re.MULTILINE)
     now = lsm.open_run(folder / "grains.nc").isel(time=2)
