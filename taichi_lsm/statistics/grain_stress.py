@@ -56,8 +56,8 @@ def grain_stress(run: "Run", time: float | None = None, contacts: "Run | None" =
     run
         The tree of a run with grains.nc and contacts.nc, or a grains.nc.
     time
-        Time [s]; the nearest moment of the contacts is taken, the last one by default. Positions must be of the same
-        instant.
+        Time [s]; the nearest moment of the contacts is taken, by default the last one. Positions must be of the same
+        instant; without a time those of the last snapshot, where that lies before the last contacts.
     contacts
         The contacts.nc, or one moment such as `sim.contacts()`, where `run` is not the tree that has it.
 
@@ -112,6 +112,10 @@ def at_one_instant(run: "Run", time: float | None, contacts: "Run | None" = None
     needed = ("position", "kind", "shape_scale", "mass", "time")
     instant = float(moment.time) if "time" in moment.variables else None
     grains = snapshot_at(part_of(run, "grains", needed), instant).load()
+    if time is None and contacts is None and not same_instant(grains, moment):
+        # While a run goes on, and after a kill, one file may end some seconds before the other.
+        moment = contacts_at(run, float(grains.time))
+        instant = float(moment.time)
     if not same_instant(grains, moment):
         raise InputError(
             f"time: contacts are those of {instant:g} s, the nearest positions of {float(grains.time):g} s, must be of "
