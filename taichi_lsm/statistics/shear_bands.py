@@ -126,7 +126,7 @@ def shear_band(
     try:
         found, covariance = curve_fit(shape, y, v, start, sigma, sigma is not None, maxfev=4000)
     except RuntimeError as error:
-        raise InputError(f"velocity: the fit of {form} does not end ({error}); fit the other form") from None
+        raise _no_end(form, error) from None
     freedom, deviations, scale = v.size - len(found), np.sqrt(np.diag(covariance)), TENTHS[form]
     student = math.inf if sigma is not None else float(freedom)
     width = Estimate(scale * abs(float(found[-1])), scale * float(deviations[-1]), v.size, student)
@@ -136,6 +136,15 @@ def shear_band(
     chi_square = math.nan if sigma is None else float(np.sum(((v - shape(y, *found)) / sigma) ** 2))
     share = _share(change, float(v[-1] - v[0]) if whole is None else whole)
     return ShearBand(width, centre, change, chi_square, freedom, form, share)
+
+
+def _no_end(form: str, error: Exception) -> InputError:
+    """Why a fit does not end, and what to try."""
+    other = next(name for name in TENTHS if name != form)
+    return InputError(
+        f"velocity: the fit of form = {form!r} does not end, as of a profile that is nearly straight, without a "
+        f"band ({error}); try form = {other!r}"
+    )
 
 
 def _positive(errors: npt.ArrayLike, size: int) -> Array:

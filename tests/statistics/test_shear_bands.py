@@ -55,6 +55,9 @@ def test_a_straight_profile_has_no_band():
     noise = 0.01 * np.random.default_rng(3).normal(size=HEIGHT.size)
     found = shear_band(HEIGHT, HEIGHT / 20.0 + noise)
     assert "shear fills the layer" in found.width.unknown or found.width.mean > 15.0
+    bent = [0.47, 0.9, 1.29, 1.72, 2.09, 2.36, 2.52, 2.97, 3.16, 3.33, 3.78, 4.36]
+    with pytest.raises(InputError, match=r"nearly straight, without a band .* try form = 'exponential'"):
+        shear_band(HEIGHT[: len(bent)], bent)
     with pytest.raises(InputError, match="form: 'line'"):
         shear_band(HEIGHT, band(2.0), form="line")
     with pytest.raises(InputError, match="height: value 1 "):
