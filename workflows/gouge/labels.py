@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import taichi_lsm as lsm
+from workflows.common.effect_words import effect_words
 
 if TYPE_CHECKING:
     import xarray
@@ -98,11 +99,3 @@ def _number_words(rows: Sequence[Any]) -> str:
         f"{row.name.replace('_', ' ')} {row.value:g}{'' if row.unit == '1' else f' {row.unit}'}" for row in known
     ]
     return ", ".join(numbers).replace("youngs", "Young's").replace("poissons", "Poisson's")
-
-
-def effect_words(name: str) -> str:
-    """The name of an effect as a text has it: "coulomb_friction" is "Coulomb friction"."""
-    words = name.replace("_", " ")
-    for who in ("coulomb", "hertz", "mindlin"):
-        words = words.replace(who, who.capitalize())
-    return words

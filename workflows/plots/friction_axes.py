@@ -17,7 +17,8 @@ DASHES = (0, (5, 3))  # of means
 ROOM_OF_LETTER = 0.014  # of the width of the axes
 MOST_LINES = 30  # stages that all have a line
 MARGIN = 0.05  # of the span, below what is negative
-SMOOTH_STRAIN = 0.05  # width of the running mean of curves
+SMOOTH_STRAIN = 0.05  # width of the running mean of curves, the least one of a single run
+MOST_WINDOWS = 100  # widths of the running mean that a column has space for
 
 
 def estimate_text(estimate: lsm.statistics.Estimate) -> str:
@@ -79,7 +80,17 @@ def running_mean(values: NDArray, width: int) -> NDArray:
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same")
 
 
-def smoothed(strain: NDArray, values: NDArray) -> NDArray:
-    """Mean of the values over SMOOTH_STRAIN about each strain (n,)."""
+def smoothing_width(span: float) -> float:
+    """Width of the running mean of a run over a span of strain: 1, 2 or 5 times a power of ten, SMOOTH_STRAIN at least.
+
+    Of a long run a narrow mean would be a band that hides the other curves.
+    """
+    least = max(SMOOTH_STRAIN, span / MOST_WINDOWS)
+    power = 10.0 ** np.floor(np.log10(least) + 1e-9)
+    return float(power * next(part for part in (1.0, 2.0, 5.0, 10.0) if part * power >= least * (1.0 - 1e-9)))
+
+
+def smoothed(strain: NDArray, values: NDArray, width: float = SMOOTH_STRAIN) -> NDArray:
+    """Mean of the values over a width of strain about each strain (n,)."""
     step = (strain[-1] - strain[0]) / max(1, len(strain) - 1)
-    return running_mean(values, round(SMOOTH_STRAIN / step) if step > 0 else 1)
+    return running_mean(values, round(width / step) if step > 0 else 1)

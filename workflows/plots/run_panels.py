@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.gouge.labels import effect_words
+from workflows.common.effect_words import effect_words
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW
 from workflows.plots.comparison_panels import COLOUR
 from workflows.plots.course import Course, pushed, slip_of
 from workflows.plots.friction_axes import (
     DASHES,
-    SMOOTH_STRAIN,
     axis_limits,
     draw_zero,
     estimate_text,
     mark_stages,
     smoothed,
+    smoothing_width,
 )
 
 if TYPE_CHECKING:
@@ -30,12 +30,13 @@ SPACE = 1.5  # length of an axis over what its curves need, for the legend above
 def draw_friction(axes: Any, sheared: xarray.Dataset, params: Any) -> None:
     """Friction over strain in the bulk and at the top platen, if there is one, with the mean of the steady state."""
     strain, bulk = sheared.shear_strain.values, sheared.friction.values
-    colour, drawn = COLOUR[params.shape], [bulk, smoothed(strain, bulk)]
+    width = smoothing_width(strain[-1] - strain[0])
+    colour, drawn = COLOUR[params.shape], [bulk, smoothed(strain, bulk, width)]
     of_all, mean = ("of a row", "mean") if not has_platens(sheared) else ("in the bulk", "bulk, mean")
     axes.plot(strain, bulk, color=colour, lw=0.8, alpha=0.4, label=of_all)
-    axes.plot(strain, drawn[1], color=colour, lw=1.7, label=f"{mean} over strain {SMOOTH_STRAIN:g}")
+    axes.plot(strain, drawn[1], color=colour, lw=1.7, label=f"{mean} over strain {width:g}")
     if has_platens(sheared):
-        drawn.append(smoothed(strain, (sheared.platen_shear_stress / sheared.platen_normal_stress).values))
+        drawn.append(smoothed(strain, (sheared.platen_shear_stress / sheared.platen_normal_stress).values, width))
         axes.plot(strain, drawn[2], "k:", lw=1.2, label="the same at the top platen")
     axes.set(xlim=(0, strain[-1]), xlabel="shear strain [1]", ylabel="friction [1]")
     axes.set_title("friction: shear stress / normal stress")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import taichi_lsm as lsm
-from workflows.gouge.labels import effect_words
+from workflows.common.effect_words import effect_words
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.gouge.step_cycles import mean_and_error
 from workflows.plots.canvas import BLUE, GREEN, ORANGE, PURPLE, YELLOW

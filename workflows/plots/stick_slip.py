@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workflows.gouge.labels import effect_words
+from workflows.common.effect_words import effect_words
 from workflows.gouge.layer_metrics import sheared_rows
 from workflows.plots.canvas import BLUE, ORANGE, figure_at
 from workflows.plots.run_titles import params_of, title_of
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 AROUND = 12.0  # durations of an event that are shown of the largest one, at least
 ROWS_AROUND = 60  # likewise
 FEW = 5  # events, fewer of which show no distribution
+FEW_DECADES = 100.0  # greatest over least value of an axis with numbers between its powers of ten
 
 
 def plot_stick_slip(path: Path, dataset: xarray.Dataset, events: xarray.Dataset, spring: float, area: float) -> None:
@@ -88,12 +89,11 @@ def _draw_largest(axes: Any, run: Any, friction: Any, events: Any) -> None:
 
 def _draw_energies(axes: Any, events: Any) -> None:
     """Greatest kinetic energy of each event against what the spring released; of those that moved more than before."""
-    from matplotlib.ticker import NullFormatter
-
     released, kinetic = events.released_energy.values, events.peak_kinetic_energy.values
     moved = kinetic > 0.0
     axes.loglog(released[moved], kinetic[moved], "o", ms=3.5, color=ORANGE, alpha=0.7)
-    axes.xaxis.set_minor_formatter(NullFormatter())  # numbers between two powers of ten would overlap
+    for axis in (axes.xaxis, axes.yaxis):
+        _name_decades(axis)
     axes.set(xlabel="energy released by the spring [J]", ylabel="greatest kinetic energy [J]", title="motion")
 
 
@@ -101,7 +101,25 @@ def _draw_sizes(axes: Any, events: Any, pressure: float) -> None:
     """Number of events of at least a drop, against the drop."""
     drops = np.sort(events.stress_drop.values / pressure)[::-1]
     axes.loglog(drops, np.arange(1, drops.size + 1), drawstyle="steps-post", color=BLUE, lw=1.4)
-    axes.set(xlabel="stress drop / normal stress [1]", ylabel="number of events as large", title="sizes")
+    for axis in (axes.xaxis, axes.yaxis):
+        _name_decades(axis, "{x:g}")
+    axes.set(xlabel="stress drop / normal stress [1]", ylabel="number of events at least as large", title="sizes")
+
+
+def _name_decades(axis: Any, form: str | None = None) -> None:
+    """Numbers at a logarithmic axis, so few that none overlap.
+
+    They are powers of ten, over few decades 2 and 5 times these too, and round numbers where these are too few.
+    form: of a number; None: a factor times a power of ten.
+    """
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
+
+    low, high = axis.get_view_interval()
+    powers = LogLocator(subs=(1.0, 2.0, 5.0) if high < FEW_DECADES * low else (1.0,))
+    axis.set_major_locator(powers if high > 5.0 * low else MaxNLocator(3))
+    factors = LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(np.inf, np.inf))
+    axis.set_major_formatter(StrMethodFormatter(form) if form else factors)
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _draw_budget(axes: Any, events: Any) -> None:

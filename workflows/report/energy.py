@@ -9,6 +9,7 @@ import numpy as np
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import reason
+from workflows.common.effect_words import effect_words
 from workflows.common.run_contents import MALFORMED
 from workflows.protocol.stage_tables import RESERVED
 from workflows.report.parts import Section, Table
@@ -112,7 +113,7 @@ def _table(caption: str, budget: Budget) -> Table:
     """The terms of one budget, with their shares of the work."""
     terms = {"external work": budget.work}
     terms |= {f"change of {key.replace('_', ' ')}": value for key, value in budget.stored.items()}
-    terms |= {f"dissipated by {key.replace('_', ' ')}": value for key, value in budget.dissipated.items()}
+    terms |= {f"dissipated by {effect_words(key)}": value for key, value in budget.dissipated.items()}
     terms["residual"] = budget.residual
     rows = [(key, f"{value:.4g}", _share(value, budget.work)) for key, value in terms.items()]
     note = ""
@@ -132,7 +133,7 @@ def _share(value: float, of: float) -> str:
 def _comparison(found: dict[str, Budget]) -> Table:
     """Budgets of several runs, one row each."""
     effects = list(dict.fromkeys(effect for budget in found.values() for effect in budget.dissipated))
-    head = ("run", "work [J]", "stored [J]", *(f"{e.replace('_', ' ')} [J]" for e in effects), "residual [J]")
+    head = ("run", "work [J]", "stored [J]", *(f"{effect_words(e)} [J]" for e in effects), "residual [J]")
     rows = []
     for name, budget in found.items():
         lost = (f"{budget.dissipated[e]:.3g}" if e in budget.dissipated else "" for e in effects)

@@ -6,7 +6,14 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import taichi_lsm as lsm
-from workflows.plots.friction_axes import axis_limits, draw_zero, estimate_text, mark_stages, running_mean
+from workflows.plots.friction_axes import (
+    axis_limits,
+    draw_zero,
+    estimate_text,
+    mark_stages,
+    running_mean,
+    smoothing_width,
+)
 
 
 def test_a_mean_is_written_with_its_interval_or_with_the_word_unknown():
@@ -19,6 +26,11 @@ def test_running_mean():
     assert np.allclose(running_mean(np.full(7, 3.0), 4), 3.0)
     assert np.allclose(running_mean(np.arange(5.0), 3), [0.5, 1, 2, 3, 3.5])
     assert running_mean(np.arange(3.0), 10).shape == (3,)
+
+
+@pytest.mark.parametrize(("span", "width"), [(0.0, 0.05), (5.0, 0.05), (8.0, 0.1), (10.0, 0.1), (20.2, 0.5)])
+def test_the_running_mean_of_a_long_run_is_wide(span, width):
+    assert smoothing_width(span) == pytest.approx(width)
 
 
 @pytest.mark.parametrize("values", [[0.3, 0.1], [0.3, -0.2, np.nan], [-0.4, -0.1], [0.0], [np.nan], []])

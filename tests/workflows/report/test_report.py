@@ -25,7 +25,7 @@ from workflows.common import run_folder
 from workflows.common.discovery import find_workflows
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import merge, to_toml
-from workflows.report.energy import budget_of
+from workflows.report.energy import _table, budget_of
 from workflows.report.page import write_report
 
 WORKFLOWS = find_workflows()
@@ -295,11 +295,12 @@ def test_the_budget_is_that_of_the_shear():
     }
     data = {name: ("time", column) for name, column in values.items()} | rows
     data["dissipated_energy"] = (("time", "effect"), [[0.0, 0.0], [1.0, 1.0], [1.0, 2.0], [6.0, 3.5]])
-    budget = budget_of(xarray.Dataset(data, coords={"effect_name": ("effect", ["damping", "friction"])}))
+    budget = budget_of(xarray.Dataset(data, coords={"effect_name": ("effect", ["damping", "coulomb_friction"])}))
     assert budget is not None and budget.since == "since shear began"
     assert (budget.work, budget.residual, budget.throughput) == (10.0, 0.5, 20.0)
     assert budget.stored == {"translational_energy": 1.0, "elastic_energy": 2.0}
-    assert budget.dissipated == {"damping": 5.0, "friction": 1.5}
+    assert budget.dissipated == {"damping": 5.0, "coulomb_friction": 1.5}
+    assert "dissipated by Coulomb friction" in [row[0] for row in _table("of a run", budget).rows]
     assert budget_of(xarray.Dataset({"external_work": ("time", [1.0, 2.0])})) is None
 
 
