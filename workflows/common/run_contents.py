@@ -88,8 +88,10 @@ def contents_of(path: Path) -> str:
 
 
 def _sizes(group: Any) -> str:
-    """Dimensions of a NetCDF file or group with their lengths, and the number of its variables."""
-    sizes = ", ".join(f"{as_written(name)} {len(dim)}" for name, dim in group.dimensions.items())
+    """Dimensions of a NetCDF file or group, but for the letters of texts, and the number of its variables."""
+    letters = {v.dimensions[-1] for v in group.variables.values() if v.dtype == "S1" and v.dimensions}
+    kept = {name: len(dim) for name, dim in group.dimensions.items() if name not in letters}
+    sizes = ", ".join(f"{as_written(name)} {length}" for name, length in kept.items())
     return f"{sizes or 'no dimensions'}, {len(group.variables)} variables"
 
 

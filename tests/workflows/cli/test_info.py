@@ -52,9 +52,11 @@ def test_info_shows_the_groups_of_a_file(tmp_path, capsys):
             group = file.createGroup(name)
             group.createDimension("cycle", cycles)
             group.createVariable("friction", "f8", ("cycle",))
+            group.createDimension("name_length", 9)  # letters of texts are no dimension of the data
+            group.createVariable("name", "S1", ("cycle", "name_length"))
     assert main(["info", str(tmp_path)]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "cycles.nc group up: cycle 3, 1 variables; group down: cycle 2, 1 variables" in text
+    assert "cycles.nc group up: cycle 3, 2 variables; group down: cycle 2, 2 variables" in text
 
 
 def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
