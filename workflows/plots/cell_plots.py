@@ -37,6 +37,8 @@ def plot_cell(out: str | os.PathLike[str], kind: str = "png") -> Path:
         for letter, axes in panels.items():
             axes.set_title(f"({letter}) {axes.get_title(loc='left')}")
         figure.suptitle(wrapped(_conditions(dataset, params, sheared)))
+        shown = [axes.get_title(loc="left").split("\n")[0] for axes in panels.values()]
+        figure.set_label(f"Course of the run and its last state: {', '.join(shown)}.")
     return path
 
 

@@ -112,7 +112,8 @@ def _draw(run: RunFiles, module: ModuleType, path: Path, times: str) -> Iterator
         scale = module.scale_of(moment)
         with figure_at(own, module.SIZE, PRINT) as figure:
             module.draw_moment(figure, moment, scale)
-            figure.set_label(f"{first_line(module)} {moment.words}. {run.title}")
+            when = moment.words[:1].upper() + moment.words[1:]
+            figure.set_label(f"{first_line(module)} {when}. {run.title}")
         yield own
 
 

@@ -69,6 +69,8 @@ def plot_run(out: str | os.PathLike[str], kind: str = "png") -> Path:
         for letter, draw in zip("ef", more):
             draw(panels[letter], sheared, letter, course)
         figure.suptitle(title_of(dataset))
+        shown = [axes.get_title(loc="left").split("\n")[0] for axes in panels.values()]
+        figure.set_label(f"Course of the run and its last state: {', '.join(shown)}.")
     return path
 
 

@@ -63,6 +63,7 @@ def test_all_figures_are_drawn_and_say_what_they_show(folder, tmp_path, capsys):
         assert words.startswith((figure_module(path.stem).__doc__ or "").strip().splitlines()[0])
         assert "2D gouge of discs, 1000 µm across, sheared at constant velocity, normal stress 5 MPa" in words
         assert words.endswith("inertial number 0.001, stiffness number 1000")
+        assert not any(sentence[0].islower() for sentence in words.split(". "))
 
 
 def test_a_run_that_lost_grains_and_rows_is_drawn(folder, tmp_path, monkeypatch, capsys):

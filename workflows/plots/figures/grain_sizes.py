@@ -41,7 +41,7 @@ def draw_run(figure: Figure, run: RunFiles) -> None:
     _draw_shapes(outlines, run, of_shape)
     values = np.array([of_shape[int(s)] for s in index])
     elongations.hist(values, bins=np.linspace(0.0, 1.0, BINS + 1), color=GREEN, alpha=0.8)
-    elongations.set(xlim=(0, 1), xlabel="shortest / longest axis [1]", ylabel="number")
+    elongations.set(xlim=(0, 1), xlabel="shortest / longest axis [1]", ylabel="number of grains")
     elongations.set_title(f"(c) elongation, mean {values.mean():.2f}")
 
 
@@ -53,7 +53,7 @@ def _draw_sizes(axes: Any, size: NDArray) -> None:
     bins = np.linspace(size.min(), size.max(), BINS + 1) if spread else size.mean() * np.array([0.95, 1.05])
     axes.hist(size, bins=bins, color=BLUE, alpha=0.8)
     axes.axvline(size.mean(), color=ORANGE, lw=1.2, ls="--", label=f"mean {size.mean():.3g} mm")
-    axes.set(xlabel="equivalent diameter [mm]", ylabel="number")
+    axes.set(xlabel="equivalent diameter [mm]", ylabel="number of grains")
     axes.set_ylim(0.0, 1.25 * axes.get_ylim()[1])
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     axes.legend(loc="upper right")

@@ -39,6 +39,7 @@ def draw_run(figure: Figure, run: RunFiles) -> None:
     if "platen_velocity" in found:
         ends = found.slab_height.values[[0, -1]] * (-0.5e3, 0.5e3) + height[[0, -1]]
         panels[0].plot(found.platen_velocity.values[:, 0], ends, "k:", lw=0.9)
+        words += "\ndotted: uniform shear between the platens"
     if len(curves) == 3:
         panels[1].axvline(0.0, color="0.6", lw=0.7, zorder=1)
     panels[0].set_ylabel("height y [mm]")

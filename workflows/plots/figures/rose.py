@@ -41,7 +41,8 @@ def draw_moment(figure: Figure, moment: Moment, scale: Scale) -> None:
     panels[0].plot(theta, 1.0 + np.real(wave * np.exp(-2j * theta)), "k", lw=1.0)
     lines = [f"{moment.words}; {found.contacts} contacts"]
     lines += ["within 30° of the plane of the shear"] * (moment.touching.sizes["space"] == 3)
-    lines += [f"most at {np.degrees(0.5 * np.angle(wave)) % 180.0:.0f}° from the shear, anisotropy {abs(wave):.2f}"]
+    most = f"most at {np.degrees(0.5 * np.angle(wave)) % 180.0:.0f}° from the shear, anisotropy {abs(wave):.2f}"
+    lines += [f"black: {most}"]
     figure.suptitle("\n".join(lines))
 
 
