@@ -74,7 +74,7 @@ def _figure(path: Path, name: str, title: str) -> Figure:
     kind = "png" if path.suffix == ".png" else "svg+xml"
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
     words = MATHS.sub(r"\1", words) or f"Figure {path.stem.replace('_', ' ')} of: {title}"
-    return Figure(name, source, words, size)
+    return Figure(name, source, words[:1].upper() + words[1:], size)
 
 
 def _of_png(path: Path, data: bytes) -> tuple[tuple[int, int], str]:

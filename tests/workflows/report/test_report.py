@@ -79,7 +79,7 @@ def test_figures_are_in_the_page_with_what_they_show(folder):
     names = [folder / "run.png", folder / "plots" / "energy.svg"]
     assert [base64.b64decode(image["src"].split(",")[1]) for image in images] == [p.read_bytes() for p in names]
     assert [image["src"].split(";")[0] for image in images] == ["data:image/png", "data:image/svg+xml"]
-    assert [image["alt"] for image in images] == ["friction 0.31", "Figure energy of: Sheared gouge"]
+    assert [image["alt"] for image in images] == ["Friction 0.31", "Figure energy of: Sheared gouge"]
     assert int(images[0]["width"]) == 2 * int(images[0]["height"]) > 96  # an inch, and a little more
     assert page.words("b") == ["run.png", "plots/energy.svg"]
 
@@ -172,7 +172,7 @@ def test_what_files_say_is_escaped(tmp_path):
 def test_formulas_are_words_in_what_a_figure_shows(tmp_path):
     png(tmp_path / "run.png", "slip law: $D_c$ unknown, 5 $")
     begin(tmp_path, shear_gouge.Params(), "shear-gouge")
-    assert page_of(tmp_path).all("img")[0]["alt"] == "slip law: D_c unknown, 5 $"
+    assert page_of(tmp_path).all("img")[0]["alt"] == "Slip law: D_c unknown, 5 $"
 
 
 def luminance(colour):
