@@ -47,7 +47,7 @@ def relative(sim):
     return sim.state.velocity.to_numpy() - sim.domain.mean_flow(sim.state.position.to_numpy())
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validate)])
 def test_a_gas_follows_the_affine_flow_and_takes_its_pressure_work(runtime, dim):
     """A light height under a stress far above that of the gas falls at its speed limit: h(t) is known."""
     limit, steps = 0.3, 400
@@ -100,6 +100,7 @@ def test_the_origin_of_the_flow_may_be_anywhere(runtime):
     assert found[1] == pytest.approx(found[0], abs=1e-9)
 
 
+@pytest.mark.validate
 def test_energy_of_a_gas_that_carries_its_lid(runtime):
     """The stress of the gas itself, without drag worth naming: the height oscillates, and the budget is closed."""
     scene = gas(2, lsm.CellServo(1.0, 1e-12, 2e-2, 100.0, 1e-9), rate=0.0)

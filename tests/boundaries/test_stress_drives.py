@@ -137,6 +137,7 @@ def test_a_servo_on_its_spring_never_pulls_the_platen_away(sim):
     assert servo(STRESS / AREA, stiff).stress_at(2.0 * loose) == 0.0
 
 
+@pytest.mark.validate
 def test_both_step_loops_give_the_same_bits(sim):
     found = []
     for loop in (StepLoopCPU(sim.stages), StepLoopGPU(sim.stages)):

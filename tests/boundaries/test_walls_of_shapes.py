@@ -66,6 +66,7 @@ def test_the_deepest_point_of_a_chain_is_that_of_its_outline(angular):
         assert probe.arm[k][1] == pytest.approx(-x[k, 1] - 0.5 * depth, abs=1e-7)
 
 
+@pytest.mark.validate
 def test_a_disc_of_arcs_does_what_a_disc_does(angular):
     scene = angular.scene
     angular_velocity = np.linspace(3.0, 3.0, 8)[:, None]

@@ -57,6 +57,7 @@ def test_stable_step_is_that_of_the_stiffness_at_a_tenth_of_the_least_grain():
     assert rough.stable_dt() < 0.7 * grains.stable_dt()
 
 
+@pytest.mark.validate
 def test_discs_of_arcs_collide_like_discs(runtime):
     """One arc or thirty, on an arc or on a seam, with friction and damping: the same impact."""
     shapes = [lsm.disc(), lsm.shapes.regular_disc_of_arcs(30)]

@@ -12,6 +12,7 @@ from workflows.accuracy.curves import curves
 pytestmark = pytest.mark.skipif(PRECISION == "f32", reason="errors of the schemes are below those of f32")
 
 
+@pytest.mark.validate
 def test_orders_of_the_schemes(runtime, monkeypatch):
     monkeypatch.setattr(collisions, "SCHEMES", ("symplectic_euler", "onset_verlet"))
     monkeypatch.setattr(collisions, "LEVELS", (24, 48, 96))

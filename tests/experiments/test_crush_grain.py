@@ -52,6 +52,7 @@ def test_the_weibull_modulus_of_drawn_strengths_is_found_as_often_as_its_interva
     assert 0.91 < hits / 300 < 0.985
 
 
+@pytest.mark.validate
 def test_grains_that_did_not_split_are_a_part_of_the_law():
     """40 grains, pressed to a stress at which about half of them split: without the others m is 7 and the mean 4."""
     rng, held, sets = np.random.default_rng(1), np.zeros(2), 150

@@ -14,7 +14,7 @@ from workflows.common.parameters import ParameterError, merge, to_toml
 from workflows.common.refusals import in_terms_of
 from workflows.gouge import initial_grains, layer_run, layer_scene
 
-SHAPES = ("sphere", "angular")
+SHAPES = ("sphere", pytest.param("angular", marks=pytest.mark.validate))  # as `make demo` runs it
 
 
 def test_every_wrong_value_is_reported():

@@ -57,6 +57,7 @@ def check_snapshots(path, run_status="running"):
     return len(i)
 
 
+@pytest.mark.validate
 def test_kill_at_any_instant_leaves_whole_snapshots(tmp_path):
     """Five writers are killed in the middle of their work while a reader opens their files again and again."""
     rng = random.Random(3)

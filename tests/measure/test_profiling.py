@@ -27,6 +27,7 @@ def test_profile_divides_the_time_of_a_run(reference_packing):
     assert f"{len(sim)} grains, 300 steps" in text and text.count("\n") == len(rows) + 1
 
 
+@pytest.mark.validate
 def test_profile_leaves_the_motion_as_it_is(reference_packing):
     """Its stages have a step of zero: positions, velocities and springs keep their bits."""
     sim = reference_packing("frictional_discs")

@@ -17,7 +17,7 @@ DENSE = {  # shapes and pitch of a lattice on which they touch
     "polyhedra": (3, lambda: lsm.shapes.random_angular_polyhedra(2, 2, corner_radius=0.2), 0.92),
     "clumps": (3, lambda: [lsm.shapes.clump([(-0.2, 0, 0), (0.2, 0.1, 0)], [0.4, 0.35])], 0.9),
 }
-LONG_TO_COMPILE = [pytest.param(name, marks=pytest.mark.validate) for name in ("polyhedra", "clumps")]
+LONG_TO_COMPILE = [pytest.param(name, marks=pytest.mark.validate) for name in ("chains", "polyhedra", "clumps")]
 
 
 def cluster(name):
@@ -86,11 +86,12 @@ def check_rotation(name, bound):
     assert sim.measure.sums()["energy_coulomb_friction"] == pytest.approx(stored, rel=bound)
 
 
-@pytest.mark.parametrize("name", ["discs", "spheres", "chains", *LONG_TO_COMPILE])
+@pytest.mark.parametrize("name", ["discs", "spheres", *LONG_TO_COMPILE])
 def test_springs_turn_with_a_cluster(runtime, name):
     check_rotation(name, scenes.tolerance(1e-6))
 
 
+@pytest.mark.validate
 @pytest.mark.parametrize("runtime", ["f32"], indirect=True)
 def test_springs_turn_with_a_cluster_of_spheres_in_single_precision(runtime):
     check_rotation("spheres", 1e-4)

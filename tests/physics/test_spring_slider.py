@@ -14,7 +14,7 @@ CRITICAL = B - A
 BLOCK = 1e-4  # [kg]
 
 
-@pytest.mark.parametrize("evolution", ["ageing", "slip"])
+@pytest.mark.parametrize("evolution", ["ageing", pytest.param("slip", marks=pytest.mark.validate)])
 def test_stability_boundary_of_a_spring_slider(runtime, evolution):
     """K_c = (b - a) F_n/D_c (1 + m V^2/(a F_n D_c)): Ruina (1983), with inertia Rice & Ruina (1983)."""
     count, k_t = 21, 0.5

@@ -21,6 +21,7 @@ targets.height = {value = 5.0, error = 0.05}
 """
 
 
+@pytest.mark.validate
 def test_a_calibration_of_runs_gives_the_parameter_and_goes_on(tmp_path, capsys):
     """height = 2.5 length, so that 5 m are given by 2 m, with an error of 0.05/2.5."""
     file, out = tmp_path / "study.toml", tmp_path / "out"
