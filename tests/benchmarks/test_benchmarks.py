@@ -136,6 +136,7 @@ def test_timed_functions_exist():
             assert callable(getattr(owner, function))
 
 
+@pytest.mark.validate
 def test_operations_of_a_contact_are_counted():
     """Two roots at most: the distance and the limit of friction. Each component of the force takes an addition."""
     found = flops.operations("S2_1000")

@@ -49,7 +49,8 @@ def surface(shape, n):
     return centre[own] + radius[own, None] * n
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validate)])  # compiles for long in 3D
+@pytest.mark.validate  # compiles for long
+@pytest.mark.parametrize("dim", [2, 3])
 def test_the_stiffness_is_the_same_all_round(runtime, dim):
     shapes, rng = LIBRARY[dim](), np.random.default_rng(6)
     place, kind, pressed = [], [], []

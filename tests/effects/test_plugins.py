@@ -60,6 +60,7 @@ def plugin(folder, slope):
     return found["stiffening_spring"]
 
 
+@pytest.mark.validate
 def test_plugin_is_discovered_and_held_to_the_contract(tmp_path, monkeypatch):
     monkeypatch.setenv("LSM_PLUGINS", str(tmp_path))
     effect = plugin(tmp_path, "3.0")

@@ -282,6 +282,7 @@ def test_a_spring_is_the_same_in_each_of_its_units(dim):
     assert shear_gouge.Params().spring is None
 
 
+@pytest.mark.validate
 def test_the_summary_of_a_spring_and_of_broken_bonds(sheared):
     _, params, dataset = sheared("round")
     soft = params.model_copy(update={"load_stiffness_area": 2e9})

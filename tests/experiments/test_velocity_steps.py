@@ -145,6 +145,7 @@ def test_a_run_goes_on_with_more_cycles_to_the_bits_of_a_longer_one(stepped, tmp
         velocity_steps.run(velocity_steps.Params(**SMALL), folder, existing="resume")
 
 
+@pytest.mark.validate
 def test_the_normal_stress_of_a_layer_is_stepped(runtime, tmp_path):
     params = normal_stress_steps.Params(stress_ratio=1.5, ramp=1.0, **SMALL)
     run = normal_stress_steps.run(params, tmp_path)

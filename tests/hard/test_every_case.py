@@ -49,6 +49,7 @@ EXPENSIVE = {  # to compile or to run: `make validate` runs them
     "rolling_to_rest",
     "sharp_corner",
     "sizes_of_grains",
+    "servo_on_one_contact",
     "sliding_reversed",
     "smallest_restitution",
     "soft_spring",

@@ -7,6 +7,7 @@ import taichi_lsm as lsm
 from workflows.hard.steps import CRITICAL, on_floor
 
 
+@pytest.mark.validate
 def test_what_is_saved_of_a_run_that_stops(bench, tmp_path):
     """The last good state can be run on, to the same bits; the state at the stop can be read."""
     sim = bench.simulate(on_floor(1.0, 0.02 * CRITICAL))

@@ -296,6 +296,7 @@ def check_rows(path):
     return len(i)
 
 
+@pytest.mark.validate
 def test_kill_at_any_instant_leaves_a_readable_file(tmp_path):
     """Ten writers are killed in the middle of their work while a reader opens their files again and again."""
     rng = random.Random(3)

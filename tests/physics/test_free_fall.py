@@ -7,6 +7,7 @@ import taichi_lsm as lsm
 from tests.helpers import scenes
 
 
+@pytest.mark.validate
 def test_free_fall_is_exact(runtime):
     """Without contact forces: the parabola, which velocity Verlet meets to rounding."""
     rng = np.random.default_rng(0)

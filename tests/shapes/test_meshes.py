@@ -23,6 +23,7 @@ def moved(mesh, factor, shift):
     return trimesh.Trimesh(factor * mesh.vertices @ ROTATION.T + shift, mesh.faces)
 
 
+@pytest.mark.validate
 def test_unit_position_and_orientation_of_a_mesh_do_not_matter():
     mesh = stone()
     shape, misfit, _ = from_mesh(mesh, 60, 0.05)

@@ -33,7 +33,8 @@ def fly(sim, scene):
     sim.run(40)
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validate)])
+@pytest.mark.validate
+@pytest.mark.parametrize("dim", [2, 3])
 def test_flakes_never_pass_through_each_other_unseen(runtime, dim):
     shapes = [flake(dim, aspect) for aspect in THICKNESS]
     sim = scenes.simulate(face_on_face(shapes[0], 0.0, 0.0))
