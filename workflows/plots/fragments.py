@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 MOST_CURVES = 4  # snapshots whose sizes are drawn
 UNLIKELY = 1.1  # Kolmogorov's distance to the fitted law times the root of the number: a true law exceeds it in 5 %
+BONDS = "elastic_brittle_bond"  # the channel that is drawn however small it is
 MOST_POINTS = 400  # fragments whose shapes are drawn
 
 
@@ -148,7 +149,7 @@ def _draw_energy(axes: Any, sheared: xarray.Dataset, course: Course) -> None:
     lost = sheared.dissipated_energy.values
     names, colours = [str(name) for name in sheared.effect_name.values], iter(EFFECT_COLOURS)
     for name, values in zip(names, (lost - lost[0]).T, strict=True):
-        if abs(values[-1]) > LEAST_SHARE * work:
+        if abs(values[-1]) > LEAST_SHARE * work or name == BONDS:
             axes.plot(
                 course.values, 100.0 * values / work, color=next(colours, "0.4"), lw=1.4, label=effect_words(name)
             )
