@@ -70,7 +70,7 @@ def test_contacts_of_every_kind_of_scene(runtime, name):
     for tracked in (False, True):
         sim = scenes.simulate(replace_scene(scene, tracked))
         assert sim.grains.has("parted_loss") == hasattr(sim.pairs, "pair_loss") == tracked
-        sim.run(10 * STEPS if name == "bonds" else STEPS)  # whole grains have to meet first
+        sim.run(5 * STEPS if name == "bonds" else STEPS)  # whole grains have to meet first
         parted = read_steps(sim, tracked)
         names = ("position", "velocity", "force", "dissipated", *(["orientation"] * sim.spec.oriented))
         ends.append([getattr(sim.state, column).to_numpy() for column in names])
