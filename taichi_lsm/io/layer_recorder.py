@@ -134,9 +134,7 @@ class LayerRecorder:
                 dim,
                 text=STAGE,
                 scalars=scalars,
-                extra_attributes={
-                    name: {"flag_values": [0, 1], "flag_meanings": words} for name, words in FLAGS.items()
-                },
+                extra_attributes=FLAGS,
                 shares=True,
                 keep=kept_moments,
             )

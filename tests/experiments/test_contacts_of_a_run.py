@@ -55,6 +55,7 @@ def test_a_layer_writes_what_is_asked_for_and_moves_as_without(runtime, tmp_path
     contacts, moments = moments_of(often / "contacts.nc")
     # At the end of the consolidation, at 0.05, 0.1 ... 0.55 and at the end.
     assert contacts.stage.values.tolist() == ["consolidate"] + ["shear"] * 12 and contacts.run_status == "complete"
+    assert contacts.sliding.flag_meanings == "sticking sliding" and contacts.bonded.flag_meanings == "contact bond"
     strain = contacts.shear_strain.values[1:]
     assert np.floor(strain / 0.05 + 1e-9).astype(int).tolist() == list(range(1, 13))
     assert contacts.sizes["time"] == len(moments) and contacts.attrs["id"] == run.attrs["id"]
