@@ -80,11 +80,13 @@ def _smooth_ends(piece: Piece, body: shapely.Polygon) -> list[tuple[int, int, ND
 
 def _add_steps(pieces: list[Piece], body: shapely.Polygon, radius: float) -> None:
     """Draw in the smaller of two pieces at each smooth place of the outline where a cut between them ends."""
-    ends = [(piece, *end) for piece in pieces for end in _smooth_ends(piece, body)]
-    for piece, _, side, x in ends:
-        beside = [e for e in ends if e[0] is not piece and np.linalg.norm(e[3] - x) < ON]
-        for owner, cut, owned, _ in beside:
-            if (owner.area, id(owner)) < (piece.area, id(piece)):
+    ends = [(i, *end) for i, piece in enumerate(pieces) for end in _smooth_ends(piece, body)]
+    for i, _, side, x in ends:
+        piece = pieces[i]
+        beside = [e for e in ends if e[0] != i and np.linalg.norm(e[3] - x) < ON]
+        for j, cut, owned, _ in beside:
+            owner = pieces[j]
+            if (owner.area, j) < (piece.area, i):  # of two of one area the later one is the owner
                 continue
             # The owner's surface ends where its rounding begins: `push` beyond the corner less the tangent of the arc.
             turn = np.arccos(np.clip(owner.normal[cut] @ owner.normal[owned], -1.0, 1.0))

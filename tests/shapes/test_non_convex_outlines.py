@@ -7,7 +7,7 @@ import shapely
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError
 from taichi_lsm.shapes import apparent_stiffness, from_polygon, non_convex_outline, place_part
-from taichi_lsm.shapes.grown_parts import DRAWN_IN, grown_pieces
+from taichi_lsm.shapes.grown_parts import DRAWN_IN, RISE, grown_pieces
 from taichi_lsm.shapes.polygon_parts import convex_pieces
 from tests.shapes.non_convex_bodies import L_CORNERS, bone_outline, cross_outline, horseshoe_outline
 
@@ -35,6 +35,17 @@ def test_parts_grow_into_each_other_and_one_of_two_is_drawn_in():
     near = [shapely.distance(p.exterior, shapely.points(along)) < 0.5 * DRAWN_IN for p in grown]
     away = np.linalg.norm(along - 0.4, axis=1) > 0.02
     assert np.any(near[0] & ~near[1]) and np.any(near[1] & ~near[0]) and not np.any(near[0] & near[1] & away)
+
+
+def test_of_two_equal_pieces_the_later_one_keeps_the_outline():
+    """By their order, the same in every process; the other loses two wedges of DRAWN_IN by DRAWN_IN / RISE."""
+    body = shapely.box(-1.0, -0.5, 1.0, 0.5)
+    left = np.array([[-1.0, -0.5], [0.0, -0.5], [0.0, 0.5], [-1.0, 0.5]])
+    right = left + np.array([1.0, 0.0])
+    for rings in ([left, right], [right, left]):
+        grown = [shapely.Polygon(corners) for corners in grown_pieces(rings, body, 0.03)]
+        first, last = (shapely.Polygon(ring).difference(one).area for ring, one in zip(rings, grown, strict=True))
+        assert last == 0.0 and first > DRAWN_IN**2 / RISE
 
 
 @pytest.mark.parametrize(
