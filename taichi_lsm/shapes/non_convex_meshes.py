@@ -93,18 +93,18 @@ def non_convex_mesh(
     check_between("faces", faces, 4, 100)
     check_corner_radius(corner_radius, 0.25)
     check_between("concavity", concavity, 0.01, 1.0)
-    solid, hulls = _body_and_hulls(mesh, parts, body)
+    solid, hulls, repairs = _body_and_hulls(mesh, parts, body)
     hulls = hulls or _decomposed(solid, concavity, random_seed)
     members = _of_right_volume(grown_solids(hulls, faces, corner_radius), corner_radius, solid)
     whole = union(members, name="mesh")
     shape = whole if isinstance(whole, Union) else members[0].normalised()
-    return shape, _misfit(members, shape, solid)
+    return shape, _misfit(members, shape, solid)._replace(repairs=repairs)
 
 
 def _body_and_hulls(
     mesh: str | PathLike[str] | trimesh.Trimesh, parts: Sequence[trimesh.Trimesh] | None, body: int | None
-) -> tuple[trimesh.Trimesh, list[trimesh.Trimesh]]:
-    """A mended mesh about its centre of mass in units of its equivalent diameter, and the hulls of its parts there."""
+) -> tuple[trimesh.Trimesh, list[trimesh.Trimesh], tuple[str, ...]]:
+    """A mesh about its centre of mass in units of its equivalent diameter, hulls of its parts there, its repairs."""
     import trimesh
 
     label, vertices, triangles = triangles_of(mesh)
@@ -118,7 +118,7 @@ def _body_and_hulls(
     for one in (solid, *hulls):
         one.apply_translation(-centre)
         one.apply_scale(1.0 / size)
-    return solid, hulls
+    return solid, hulls, found.repairs
 
 
 def _of_right_volume(solids: list[Solid], radius: float, body: trimesh.Trimesh) -> list[BallPolyhedron]:

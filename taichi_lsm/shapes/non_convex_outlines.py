@@ -11,13 +11,12 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from ..core.errors import InputError
 from .apparent_stiffness import apparent_stiffness
 from .arc_chain import ArcChain
 from .geometry import polygon_integrals
 from .grown_parts import grown_pieces
-from .input_checks import check_between, check_corner_radius, number_array
-from .outlines import STRAIGHT
+from .input_checks import check_between, check_corner_radius
+from .outlines import STRAIGHT, scaled_points
 from .polygon_fit import MOST_ARCS, arc_chain, chain_and_centre
 from .polygon_parts import convex_pieces
 from .union import Union, place_part, union
@@ -50,6 +49,8 @@ class PartsMisfit(NamedTuple):
         Share of the outer surface, junctions left out, where the apparent stiffness is above 1.1.
     junction_share : float
         Share of the outer surface from which a small ball touches two parts with different normals.
+    repairs : tuple of str
+        What was mended in the outline or the mesh.
     """
 
     measure: float
@@ -62,6 +63,7 @@ class PartsMisfit(NamedTuple):
     greatest_stiffness: float
     doubled_share: float
     junction_share: float
+    repairs: tuple[str, ...] = ()
 
 
 def non_convex_outline(
@@ -72,7 +74,8 @@ def non_convex_outline(
     Parameters
     ----------
     points : array_like, (k, 2)
-        Points of the outline in order, k >= 3, in any unit of length; the last is joined to the first.
+        Points of the outline in order, either sense, k >= 3, in any unit of length and any place; the last is joined
+        to the first.
     corner_radius : float
         Least radius of an arc in equivalent diameters of the outline, > 0 and at most the inscribed radius of every
         part.
@@ -104,13 +107,13 @@ def non_convex_outline(
     check_corner_radius(corner_radius)
     check_between("tolerance", tolerance, 1e-3, 0.1)
     check_between("arcs_per_corner", arcs_per_corner, 1, MOST_ARCS)
-    given = _centred(points)
+    given, repairs = _centred(points)
     plain = shapely.remove_repeated_points(given.simplify(STRAIGHT), 1e-6)
     rings, filled = convex_pieces(plain, tolerance)
     if len(rings) > 1:
         rings = grown_pieces(rings, filled, corner_radius)
     members = _of_right_area([_rounded(ring, corner_radius, arcs_per_corner) for ring in rings], given)
-    return _grain(members), _misfit(members, given)
+    return _grain(members), _misfit(members, given)._replace(repairs=repairs)
 
 
 def _rounded(ring: NDArray, corner_radius: float, arcs_per_corner: int) -> ArcChain:
@@ -183,14 +186,11 @@ def _polar(body: BaseGeometry) -> float:
     return total
 
 
-def _centred(points: ArrayLike) -> shapely.Polygon:
-    """The outline about its centre of area, in units of its equivalent diameter."""
-    xy = number_array("points", points)
-    if xy.ndim != 2 or xy.shape[1] != 2 or len(xy) < 3 or not np.all(np.isfinite(xy)):
-        raise InputError(f"points has shape {xy.shape}: must be (k, 2), k >= 3, all finite")
-    xy = xy - xy.mean(axis=0)
-    body = shapely.Polygon(xy)
-    if not body.is_valid or body.area <= 0:
-        raise InputError(f"points: no simple outline ({shapely.is_valid_reason(body)})")
+def _centred(points: ArrayLike) -> tuple[shapely.Polygon, tuple[str, ...]]:
+    """The outline about its centre of area, in units of its equivalent diameter, and what was mended in it."""
+    from .outline_repair import simple_outline
+
+    body, repairs = simple_outline(scaled_points(points)[0])
     size = float(np.sqrt(4.0 * body.area / np.pi))
-    return shapely.Polygon((xy - np.array(body.centroid.coords[0])) / size)
+    ring = shapely.get_coordinates(body.exterior) - np.array(body.centroid.coords[0])
+    return shapely.Polygon(ring / size), repairs

@@ -92,7 +92,7 @@ def from_outline(
 
     from .outline_repair import simple_outline, without_steps
 
-    xy, origin, extent = _scaled(points)
+    xy, origin, extent = scaled_points(points)
     check_at_least("resolution", resolution, 0.0)
     body, repairs = simple_outline(xy)
     if resolution > 0.0:
@@ -128,7 +128,7 @@ def _misfit(
     )
 
 
-def _scaled(points: ArrayLike) -> tuple[NDArray, NDArray, float]:
+def scaled_points(points: ArrayLike) -> tuple[NDArray, NDArray, float]:
     """Points (k, 2) about the middle of their box, of extent 1; that middle (2,) and extent [unit of the points]."""
     xy = number_array("points", points)
     if xy.ndim != 2 or xy.shape[1] not in (2, 3) or len(xy) < 3 or not np.all(np.isfinite(xy)):

@@ -77,6 +77,15 @@ def test_parts_along_one_line_are_found_to_be_twice_as_stiff():
     assert crossed.greatest == crossed.least == pytest.approx(1.0) and crossed.junction_share > 0.0
 
 
+def test_flaws_of_an_outline_are_mended_as_those_of_a_convex_one_and_told():
+    plain, whole = non_convex_outline(L_CORNERS)
+    corners = np.array(L_CORNERS, float)
+    spike = 0.5 * (corners[0] + corners[1]) + [[0.0, 0.0], [0.0, -0.3], [0.0, 0.0]]
+    shape, misfit = non_convex_outline(np.concatenate([corners[:1], spike, corners[1:]])[::-1] + 1e7)
+    assert whole.repairs == () and len(misfit.repairs) == 1 and "spikes" in misfit.repairs[0]
+    assert shape.inertia == pytest.approx(plain.inertia, rel=1e-3) and misfit.parts == whole.parts
+
+
 def test_a_convex_outline_stays_one_part():
     shape, misfit = non_convex_outline([(0, 0), (2, 0), (2, 1), (0, 1)])
     assert isinstance(shape, lsm.shapes.ArcChain) and misfit.parts == 1
