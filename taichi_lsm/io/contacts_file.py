@@ -14,16 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core.atomic_netcdf import compose
 from ..core.errors import InputError, SimulationError
 from ..core.record_netcdf import (
-    FORMAT,
     RecordAppender,
     RecordLayout,
     create_record_file,
-    is_record_file,
-    layout_of,
-    read_layout,
     read_records,
     replace_texts,
     write_entries,
@@ -45,7 +40,7 @@ from .netcdf_variables import (
     rows_by_name,
     text_in_room,
 )
-from .resumed_file import REMEDY, opened, require_count, require_rows, require_same_declaration, resumed_attributes
+from .resumed_file import record_file, require_count, require_rows, resumed_attributes
 
 if TYPE_CHECKING:
     import netCDF4
@@ -186,7 +181,7 @@ class ContactsWriter:
         """Bring all moments to the disk: their rows, then what is known of them, the times last."""
         self._appender.flush()
         if self._entered < len(self):
-            new = {name: values[self._entered :] for name, values in self._of_all().items()}
+            new = self._known(self._entered)
             time = new.pop("time")
             write_entries(self.path, self._layout, self._entered, new | {"time": time})
             self._entered = len(self)
@@ -219,22 +214,16 @@ class ContactsWriter:
         self._appender = RecordAppender(self.path, layout, self.shares)
         self._entered = len(self)
 
-    def _of_all(self) -> dict[str, npt.NDArray]:
-        """What is known of all moments, as it lies in the file."""
-        found = {name: np.array(self._moments[name], netcdf_type(v)) for name, v in self.of_moment.items()}
-        return found | {name: characters(np.array(self._moments[name], dtype=object), TEXT_ROOM) for name in self.text}
+    def _known(self, first: int) -> dict[str, npt.NDArray]:
+        """What is known of the moments from number `first` on, as it lies in the file."""
+        known = {name: values[first:] for name, values in self._moments.items()}
+        found = {name: np.array(known[name], netcdf_type(v)) for name, v in self.of_moment.items()}
+        return found | {name: characters(np.array(known[name], dtype=object), TEXT_ROOM) for name in self.text}
 
     def _take_over(self, keep: int) -> Iterable[bytes]:
         """Take the first `keep` moments of the file that is there, if it fits; returns their rows."""
         require_count(self.path, keep)
-        image = compose(self._fill, FORMAT)
-        with opened(self.path) as there:
-            if not is_record_file(self.path):
-                raise InputError(f"{self.path}: cannot be continued, it is no file of contacts; {REMEDY}")
-            require_same_declaration(self.path, there, image, [scalar.name for scalar in self.scalars])
-            layout = read_layout(self.path)
-            if list(layout.variables.items()) != list(layout_of(image).variables.items()):
-                raise InputError(f"{self.path}: cannot be continued, its variables lie in another order; {REMEDY}")
+        with record_file(self.path, self._fill, [scalar.name for scalar in self.scalars]) as (there, layout):
             require_rows(self.path, keep, int(np.isfinite(there["time"][:]).sum()), "moments")
             self.attributes = resumed_attributes(self.attributes, there)
             for name in self.of_moment:
@@ -255,7 +244,7 @@ class ContactsWriter:
         dataset.createDimension("time", self._room)
         space = put_labels(dataset, {"space": list("xyz")[: self.dim]})
         scalars = put_scalars(dataset, self.scalars)
-        known, spare = self._of_all(), self._room - len(self)
+        spare = self._room - len(self)
         for name, long_name in self.text.items():
             texts = np.array([*self._moments[name], *[""] * spare], dtype=object)
             put_text_in_time(dataset, name, long_name, texts, TEXT_ROOM)
@@ -263,10 +252,11 @@ class ContactsWriter:
         own = [name for name in self.of_moment if name not in ("time", "row_size", "parted_power")]
         for name in ("time", *own, *(name for name in self.of_moment if name not in ("time", *own))):
             variable = self.of_moment[name]
-            empty = np.full(spare, 0 if variable.dtype == "i32" else np.nan, known[name].dtype)
+            known = np.array(self._moments[name], netcdf_type(variable))
+            empty = np.full(spare, 0 if variable.dtype == "i32" else np.nan, known.dtype)
             extra = {"sample_dimension": "contact"} if name == "row_size" else self.extra.get(name)
             attached = () if name == "time" or name in own else (*own, *self.text, *scalars)
-            put_variable(dataset, variable, np.concatenate([known[name], empty]), extra, attached)
+            put_variable(dataset, variable, np.concatenate([known, empty]), extra, attached)
         for name, variable in self.variables.items():
             shape = (0, self.dim) if len(variable.dims) > 1 else (0,)
             none = np.empty(shape, netcdf_type(variable))

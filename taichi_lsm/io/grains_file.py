@@ -13,16 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core.atomic_netcdf import compose
 from ..core.errors import InputError
 from ..core.record_netcdf import (
-    FORMAT,
     LARGEST,
     RecordAppender,
     create_record_file,
-    is_record_file,
-    layout_of,
-    read_layout,
     read_records,
     record_bytes,
     replace_texts,
@@ -45,7 +40,7 @@ from .netcdf_variables import (
     rows_by_name,
     text_in_room,
 )
-from .resumed_file import REMEDY, opened, require_count, require_rows, require_same_declaration, resumed_attributes
+from .resumed_file import record_file, require_count, require_rows, resumed_attributes
 
 if TYPE_CHECKING:
     import netCDF4
@@ -264,14 +259,7 @@ class GrainsWriter:
         The file is made anew with them, for its history grows.
         """
         require_count(self.path, keep)
-        image = compose(self._fill, FORMAT)
-        with opened(self.path) as there:
-            if not is_record_file(self.path):
-                raise InputError(f"{self.path}: cannot be continued, an earlier version wrote it; {REMEDY}")
-            require_same_declaration(self.path, there, image, [scalar.name for scalar in self.scalars])
-            layout = read_layout(self.path)
-            if list(layout.variables.items()) != list(layout_of(image).variables.items()):
-                raise InputError(f"{self.path}: cannot be continued, its variables lie in another order; {REMEDY}")
+        with record_file(self.path, self._fill, [scalar.name for scalar in self.scalars]) as (there, layout):
             require_rows(self.path, keep, layout.whole, "whole snapshots")
             self.attributes = resumed_attributes(self.attributes, there)
             if keep:

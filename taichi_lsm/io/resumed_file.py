@@ -1,6 +1,6 @@
 """A file that a former process wrote, taken over by a run that goes on: whether it fits, and what is kept of it."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ..core.atomic_netcdf import compose
 from ..core.errors import InputError, reason, shown
 from ..core.netcdf_input import opened_netcdf
+from ..core.record_netcdf import FORMAT, RecordLayout, is_record_file, layout_of, read_layout
 from .global_attributes import package_version, utc_now
 
 if TYPE_CHECKING:
@@ -114,6 +116,37 @@ def _first_difference(old: npt.NDArray, new: npt.NDArray) -> tuple[int, ...] | N
     """Index of the first value that differs, None if there is none; nan is like nan."""
     differs = np.asarray((old != new) & ~((old != old) & (new != new)))
     return tuple(int(i) for i in np.argwhere(differs)[0]) if differs.any() else None
+
+
+@contextmanager
+def record_file(
+    path: Path, declare: "Callable[[netCDF4.Dataset], None]", free: Collection[str]
+) -> "Iterator[tuple[netCDF4.Dataset, RecordLayout]]":
+    """A file of records of a former process, open for reading, and where they lie.
+
+    Parameters
+    ----------
+    path
+        The file.
+    declare
+        Writes the same file without records to a dataset.
+    free
+        Names of variables whose values may differ, see `require_same_declaration`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged, is no file of records, or is declared or laid out otherwise.
+    """
+    image = compose(declare, FORMAT)
+    with opened(path) as there:
+        if not is_record_file(path):
+            raise InputError(f"{path}: cannot be continued, it is no file of records, as this version writes; {REMEDY}")
+        require_same_declaration(path, there, image, free)
+        layout = read_layout(path)
+        if list(layout.variables.items()) != list(layout_of(image).variables.items()):
+            raise InputError(f"{path}: cannot be continued, its variables lie in another order; {REMEDY}")
+        yield there, layout
 
 
 def resumed_attributes(attributes: Mapping[str, Any], there: "netCDF4.Dataset") -> dict[str, Any]:

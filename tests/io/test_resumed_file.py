@@ -213,7 +213,9 @@ def test_snapshots_of_another_layout_are_refused(tmp_path):
     """A file of HDF5, as earlier versions wrote it, and one whose variables lie in another order."""
     path, static, rows = tmp_path / "g.nc", grains(3)[0], snapshot_rows(3)
     write_atomically(path, lambda dataset: dataset.setncattr("title", "old"))
-    check_refused(path, snapshots, "cannot be continued, an earlier version wrote it; resume in", keep=0)
+    check_refused(
+        path, snapshots, "cannot be continued, it is no file of records, as this version writes; resume in", keep=0
+    )
     GrainsWriter(path, static, static_rows(3), rows, attributes())
 
     def resume(path, keep):
