@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 NEEDED = ("first_id", "second_id", "point", "branch", "normal", "normal_force", "tangential_force")
 BALL = {2: np.pi / 4.0, 3: np.pi / 6.0}  # area or volume over the power of the diameter
+NO_THICKNESS = "grains: has no density, from which the thickness of 2D grains follows; assign it [kg m-3]"
 SAME_TIME = 1e-9  # of a time: contacts and positions are of the same instant
 LEAST_STEP = 1.5  # time steps, where a file tells its own
 
@@ -164,21 +165,18 @@ def is_glued(grains: "Dataset") -> npt.NDArray[np.bool_]:
     return np.asarray(grains.kind) == 1
 
 
-def grain_volumes(grains: "Dataset", thickness: float | None = None) -> Array:
+def grain_volumes(grains: "Dataset") -> Array:
     """Volumes (n,) [m3], in 2D of slabs of the run's thickness: mass over density where the density is known.
 
     Raises
     ------
     InputError
-        In 2D if neither the density nor a thickness is known.
+        In 2D if the density is not known.
     """
     dim, mass = grains.sizes["space"], np.asarray(grains.mass, float)
     density = float(grains["density"]) if "density" in grains.variables and grains["density"].ndim == 0 else np.nan
-    if thickness is None and density > 0.0:
+    if density > 0.0:
         return mass / density
-    size = BALL[dim] * np.asarray(grains.shape_scale, float) ** dim
-    if dim == 3:
-        return size
-    if thickness is None:
-        raise InputError("grains: has no density, from which the thickness of 2D grains follows; assign it [kg m-3]")
-    return size * thickness
+    if dim == 2:
+        raise InputError(NO_THICKNESS)
+    return BALL[dim] * np.asarray(grains.shape_scale, float) ** dim

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from ..core.errors import InputError, shown
 from .cell_images import Cell, cell_of, into_cell
 from .contact_moments import contacts_at
-from .grain_stress import BALL, contact_arms, is_glued, same_instant
+from .grain_stress import BALL, NO_THICKNESS, contact_arms, is_glued, same_instant
 from .run_parts import holds, nearest, part_of
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def _add_contacts(sums: _Sums, now: "Dataset", cell: Cell, slabs: _Slabs, contac
     if not same_instant(now, moment):
         return
     if np.isnan(slabs.thickness):
-        raise InputError("grains: has no density, from which the thickness of 2D grains follows; assign it [kg m-3]")
+        raise InputError(NO_THICKNESS)
     arms, height = contact_arms(now, moment), cell.edges[1, 1]
     begin = now.position.values[arms.first, 1]
     begin = begin - np.floor(begin / height) * height if 1 in cell.axes else begin
