@@ -4,6 +4,7 @@ Plain functions on NumPy arrays and xarray objects, without a kernel; docs/stati
 """
 
 from .catalogue import BValue, Catalogue, b_value, catalogue_statistics, magnitude_of_completeness
+from .cell_images import Cell, cell_of, into_cell
 from .contact_fabric import Fabric, fabric
 from .cycles import stack_cycles
 from .event_energies import event_energies
@@ -26,6 +27,7 @@ __all__ = [
     "BValue",
     "BoundarySlip",
     "Catalogue",
+    "Cell",
     "Dilatancy",
     "Estimate",
     "Fabric",
@@ -38,6 +40,7 @@ __all__ = [
     "b_value",
     "boundary_slip",
     "catalogue_statistics",
+    "cell_of",
     "combine_replicas",
     "compare_laws",
     "d2min",
@@ -52,6 +55,7 @@ __all__ = [
     "friction_after_step",
     "grain_stress",
     "healing_rate",
+    "into_cell",
     "log_state_after_step",
     "magnitude_of_completeness",
     "profiles",

@@ -55,7 +55,7 @@ class Cell(NamedTuple):
 
 
 def cell_of(snapshot: "Dataset") -> Cell:
-    """The cell of one snapshot of a grains.nc; InputError if its lengths are not those of a cell."""
+    """The cell of a snapshot of grains.nc or moment of contacts.nc; InputError if its lengths are not those of one."""
     dim = snapshot.sizes["space"]
     lengths = np.atleast_1d(np.asarray(snapshot.attrs.get("periodic_lengths", ()), float))
     if lengths.size not in PERIODIC[dim] or not np.all((lengths > 0.0) & np.isfinite(lengths)):

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import taichi_lsm as lsm
 from workflows.common.libraries import library
 from workflows.export.csv_tables import tables_of
 from workflows.export.selection import chosen
-from workflows.export.snapshots import edges_of, in_space, periodic_axes
+from workflows.export.snapshots import in_space
 from workflows.export.vtk_series import write_series
 
 if TYPE_CHECKING:
@@ -91,7 +90,8 @@ def lines_of(now: xarray.Dataset) -> PolyData:
     at the contact. Cells have the values of VALUES, in SI units, and tangential_force [N], its magnitude.
     """
     pyvista = library("pyvista", "lsm export --format vtk", "export")
-    begin = within_cell(now, in_space((now.point - now.arm).values))
+    inside, _ = lsm.statistics.into_cell(lsm.statistics.cell_of(now), (now.point - now.arm).values)
+    begin = in_space(inside)
     count = len(begin)
     points = np.concatenate([begin, begin + in_space(now.branch.values)])
     cells = np.stack([np.full(count, 2), np.arange(count), count + np.arange(count)], axis=1)
@@ -101,12 +101,3 @@ def lines_of(now: xarray.Dataset) -> PolyData:
     mesh.cell_data["tangential_force"] = np.linalg.norm(now.tangential_force.values, axis=1)
     mesh.field_data["TimeValue"] = [float(now.time)]
     return mesh
-
-
-def within_cell(now: xarray.Dataset, place: NDArray) -> NDArray:
-    """Places (n, 3) [m], moved by whole periods into the cell."""
-    lengths = np.atleast_1d(np.asarray(now.attrs.get("periodic_lengths", ()), float))
-    periodic = periodic_axes(len(lengths), now.sizes["space"])
-    matrix = edges_of(now, lengths, periodic, np.ones(3))
-    image = np.where(periodic, np.floor(np.linalg.solve(matrix, place.T).T), 0.0)
-    return place - image @ matrix.T

@@ -14,9 +14,6 @@ import taichi_lsm as lsm
 if TYPE_CHECKING:
     import xarray
 
-# Periodic axes by the number of periodic lengths and of dimensions: the width of a layer before its height.
-PERIODIC = {0: (), 1: (0,), 2: {2: (0, 1), 3: (0, 2)}, 3: (0, 1, 2)}
-
 
 class Cell(NamedTuple):
     """The box that a snapshot lies in.
@@ -104,9 +101,6 @@ class Snapshots:
         self.dataset, self.numbers = dataset, numbers
         self.outlines = lsm.GrainOutlines(dataset)
         self.dim = int(dataset.sizes["space"])
-        self.lengths = np.atleast_1d(np.asarray(dataset.attrs.get("periodic_lengths", ()), float))
-        if len(self.lengths) > self.dim or not np.all((self.lengths > 0.0) & (self.lengths < np.inf)):
-            raise lsm.InputError(f"periodic_lengths = {self.lengths}: must be at most {self.dim} lengths > 0 m")
         self.digits = len(str(dataset.sizes["time"] - 1))
 
     def __len__(self) -> int:
@@ -124,7 +118,7 @@ class Snapshots:
         now = now.isel(grain=grain)
         count, time = len(grain), float(now.time)
         place = in_space(now.position.values)
-        cell = _cell(now, place, self.lengths)
+        cell = _cell(now, place)
         share = np.linalg.solve(cell.matrix, (place - cell.origin).T).T
         image = np.where(cell.periodic, np.floor(share), 0.0).astype(int)
         velocity = in_space(now.velocity.values)
@@ -154,35 +148,12 @@ def in_space(vectors: NDArray) -> NDArray:
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
-def _cell(now: xarray.Dataset, place: NDArray, lengths: NDArray) -> Cell:
+def _cell(now: xarray.Dataset, place: NDArray) -> Cell:
     """The box of a snapshot whose grains are at these places (n, 3)."""
     reach = now.bounding_radius.values[:, None]
     low, high = (place - reach).min(axis=0), (place + reach).max(axis=0)
-    periodic = periodic_axes(len(lengths), now.sizes["space"])
-    return Cell(edges_of(now, lengths, periodic, high - low), np.where(periodic, 0.0, low), periodic)
-
-
-def periodic_axes(lengths: int, dim: int) -> NDArray:
-    """Which of three axes are periodic (3,), of the number of periodic lengths."""
-    axes = PERIODIC[lengths]
-    return np.isin(np.arange(3), axes[dim] if isinstance(axes, dict) else axes)
-
-
-def edges_of(now: xarray.Dataset, lengths: NDArray, periodic: NDArray, others: NDArray) -> NDArray:
-    """Edges of the cell as columns (3, 3) [m] at the time of `now`.
-
-    Parameters
-    ----------
-    now
-        What is known of that time: the height and the shift of a cell that is sheared.
-    lengths, periodic
-        Periodic lengths [m], and the axes (3,) along which they lie.
-    others
-        Lengths (3,) along the other axes [m].
-    """
-    matrix, (axes,) = np.diag(np.asarray(others, float)), np.nonzero(periodic)
-    matrix[axes, axes] = lengths
-    if "cell_height" in now:  # sheared: the image above is displaced along x, by at most half a length
-        matrix[1, 1], shift = float(now.cell_height), float(now.cell_shift)
-        matrix[0, 1] = shift - lengths[0] * np.round(shift / lengths[0])
-    return matrix
+    cell = lsm.statistics.cell_of(now)
+    matrix, block = np.diag(high - low), np.ix_(cell.axes, cell.axes)
+    matrix[block] = cell.reduced[block]
+    periodic = np.isin(np.arange(3), cell.axes)
+    return Cell(matrix, np.where(periodic, 0.0, low), periodic)

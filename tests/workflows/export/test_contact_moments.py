@@ -13,7 +13,7 @@ from tests.helpers.output_files import STAGE, attributes
 from workflows.export.formats import export_run
 
 STRAIN = Variable("shear_strain", ("time",), "f64", "1", "shear strain")
-CELL = [Variable(f"cell_{name}", ("time",), "f64", units, name) for name, units in (("height", "m"), ("shift", "m"))]
+CELL = [Variable(f"cell_{name}", ("time",), "f64", "1", name) for name in ("height", "shift", "shear_rate")]
 COUNTS = (4, 0, 2)
 
 
@@ -40,7 +40,7 @@ def write_contacts(folder, dim, periodic, sheared=False):
         extra_attributes=FLAGS,
     )
     moments = [contacts_of(dim, count, i) for i, count in enumerate(COUNTS)]
-    cell = {"cell_height": 0.5 * LENGTH, "cell_shift": 1.3 * LENGTH} if sheared else {}
+    cell = {"cell_height": 0.5 * LENGTH, "cell_shift": 1.3 * LENGTH, "cell_shear_rate": 0.0} if sheared else {}
     for i, (time, rows) in enumerate(zip(TIMES, moments, strict=True)):
         writer.append(time, {"shear_strain": 0.1 * i, "stage": "shear"} | cell, rows)
     writer.close("complete")

@@ -78,4 +78,4 @@ def test_grains_that_are_nowhere_are_left_out(tmp_path):
             list(Snapshots(dataset, np.array([1])))
     grains = lsm.open_run(tmp_path / "grains.nc")
     with pytest.raises(lsm.InputError, match=r"periodic_lengths = .*must be at most 3 lengths > 0 m"):
-        Snapshots(grains.assign_attrs(periodic_lengths=[1.0, -1.0]), np.array([0]))
+        Snapshots(grains.assign_attrs(periodic_lengths=[1.0, -1.0]), np.array([0])).frame(0)
