@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import reason
@@ -12,9 +11,6 @@ from workflows.common.metrics import FILE
 from workflows.common.parameter_files import CONFIG
 from workflows.common.parameter_problems import as_written
 from workflows.common.run_folder import has_results, is_complete
-
-if TYPE_CHECKING:
-    import netCDF4
 
 UNKNOWN = "unknown: no file of the whole run is there"
 UNFINISHED = ("running", "interrupted", UNKNOWN)
@@ -62,7 +58,7 @@ def attributes_of(folder: Path, names: tuple[str, ...], whole: bool = False) -> 
     """
     for path in (folder / "run.nc", *sorted(folder.glob("[!c]*.nc")), folder / "compare.nc"):  # and no checkpoint
         try:
-            with opened(path) as file:
+            with lsm.opened_netcdf(path) as file:
                 found = {name: file.getncattr(name) for name in names if name in file.ncattrs()}
                 texts = {name: str(value) if whole else as_written(str(value)) for name, value in found.items()}
                 return {name: text for name, text in texts.items() if text != "nan"}  # a table may have no step
@@ -77,7 +73,7 @@ def contents_of(path: Path) -> str:
     if path.suffix != ".nc":
         return f"{path.stat().st_size} bytes"
     try:
-        with opened(path) as file:
+        with lsm.opened_netcdf(path) as file:
             if "run_state" in file.ncattrs():
                 return f"checkpoint of {file.grains} grains at step {file.step}"
             if not file.groups:
@@ -93,8 +89,3 @@ def _sizes(group: Any) -> str:
     kept = {name: len(dim) for name, dim in group.dimensions.items() if name not in letters}
     sizes = ", ".join(f"{as_written(name)} {length}" for name, length in kept.items())
     return f"{sizes or 'no dimensions'}, {len(group.variables)} variables"
-
-
-def opened(path: Path) -> AbstractContextManager[netCDF4.Dataset]:
-    """A NetCDF file, open for reading."""
-    return lsm.opened_netcdf(path)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,9 +30,6 @@ from workflows.plots.layer_pictures import (
 from workflows.plots.run_panels import draw_energy, draw_friction, draw_stages, draw_thickness
 from workflows.plots.run_titles import conditions, params_of, title_of, wrapped
 from workflows.plots.slip_and_breakage import draw_breakage, draw_spring
-
-if TYPE_CHECKING:
-    pass
 
 MOST_LISTED = 4  # grains that a title names
 

@@ -6,8 +6,9 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import taichi_lsm as lsm
 from workflows.common.parameter_files import CONFIG, OF_COMMANDS
-from workflows.common.run_contents import UNREADABLE, attributes_of, contents_of, opened
+from workflows.common.run_contents import UNREADABLE, attributes_of, contents_of
 from workflows.report.configuration import Given
 from workflows.report.parts import Section, Table
 
@@ -82,7 +83,7 @@ def variables_of(path: Path) -> str:
     """The variables of a NetCDF file with dimensions, units and meanings, one line each; "" if it has none."""
     lines: list[str] = []
     try:
-        with opened(path) as file:
+        with lsm.opened_netcdf(path) as file:
             for group in (file, *file.groups.values()):
                 lines += [_line(group, name) for name in group.variables]
     except UNREADABLE:

@@ -13,7 +13,6 @@ import pytest
 import taichi_lsm as lsm
 from workflows import shear_gouge
 from workflows.cli.main import main
-from workflows.common import run_contents
 from workflows.common.metrics import Metric, write_summary
 from workflows.common.parameters import to_toml
 
@@ -69,7 +68,7 @@ def test_info_shows_no_time_step_of_a_table_that_has_none(tmp_path, capsys):
 
 def test_info_opens_the_files_of_runs_only(tmp_path, capsys, monkeypatch):
     opened = []
-    monkeypatch.setattr(run_contents, "opened", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
+    monkeypatch.setattr(lsm, "opened_netcdf", lambda path: opened.append(path.relative_to(tmp_path)) or closed())
     for folder in ("", "runs/a", "runs/b", "runs/a/deeper", "elsewhere"):
         (tmp_path / folder).mkdir(parents=True, exist_ok=True)
         (tmp_path / folder / "run.nc").touch()
