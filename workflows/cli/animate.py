@@ -7,16 +7,17 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.execution import complain
+from taichi_lsm.core.errors import InputError
+from workflows.cli.execution import in_one_line
 from workflows.cli.inspect_run import require_run
 from workflows.cli.progress import ProgressLine
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE
 from workflows.common.run_folder import PLOTS, check_folder
 
 SLOWEST, FASTEST = 0.01, 50.0  # frames per second: a GIF counts in hundredths of a second, up to 655 s
 
 
+@in_one_line
 def animate(
     folder: Annotated[Path, Parameter(name="DIR", help="folder of a run, which may still go on")],
     /,
@@ -55,28 +56,22 @@ def animate(
     from workflows.plots.run_figures import runs_to_draw
 
     names = [name.strip() for name in what.split(",")]
-    try:
-        require_run(folder)
-        if not SLOWEST <= fps <= FASTEST:
-            raise InputError(f"--fps {fps:g}: must be from {SLOWEST:g} to {FASTEST:g}")
-        runs = runs_to_draw(folder, folder / PLOTS)
-        if out is not None and len(names) * len(runs) > 1:
-            raise InputError(f"--out {out}: is one file, not {len(names) * len(runs)} films; leave it out")
-        if out is not None and kind is not None and out.suffix != f".{kind}":
-            raise InputError(f"--out {out}: does not end in .{kind}, which --format asks for; leave one of them out")
-        for run, target in runs:
-            for name in names:
-                path = target / f"{name}.{kind or 'gif'}" if out is None else out
-                _make_folder(path, out is None)
-                with ProgressLine(quiet) as progress:
-                    frames = draw_film(run, path, name, times, every, fps, progress)
-                if not quiet:
-                    print(f"{path}: {frames} frames")
-    except InputError as error:
-        return complain([str(error)])
-    except (SimulationError, OSError) as error:
-        complain([reason_of(error)])
-        return FAILED
+    require_run(folder)
+    if not SLOWEST <= fps <= FASTEST:
+        raise InputError(f"--fps {fps:g}: must be from {SLOWEST:g} to {FASTEST:g}")
+    runs = runs_to_draw(folder, folder / PLOTS)
+    if out is not None and len(names) * len(runs) > 1:
+        raise InputError(f"--out {out}: is one file, not {len(names) * len(runs)} films; leave it out")
+    if out is not None and kind is not None and out.suffix != f".{kind}":
+        raise InputError(f"--out {out}: does not end in .{kind}, which --format asks for; leave one of them out")
+    for run, target in runs:
+        for name in names:
+            path = target / f"{name}.{kind or 'gif'}" if out is None else out
+            _make_folder(path, out is None)
+            with ProgressLine(quiet) as progress:
+                frames = draw_film(run, path, name, times, every, fps, progress)
+            if not quiet:
+                print(f"{path}: {frames} frames")
     return COMPLETE
 
 

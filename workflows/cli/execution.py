@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import wraps
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ParamSpec
 
 import taichi_lsm as lsm
 from taichi_lsm.core.errors import InputError, SimulationError
@@ -21,6 +22,8 @@ from workflows.common.parameters import ParameterError, merge
 from workflows.common.refusals import in_terms_of
 from workflows.common.run_cost import objections
 from workflows.common.run_folder import Existing, check_folder, has_results
+
+P = ParamSpec("P")
 
 
 def execute(
@@ -90,18 +93,31 @@ def execute(
     return CLAIM_NOT_MET if strict and missed else COMPLETE
 
 
+def in_one_line(command: Callable[P, int]) -> Callable[P, int]:
+    """A command that tells the user's mistake, or why it failed, in one line, and ends with the exit code of it."""
+
+    @wraps(command)
+    def told(*args: P.args, **kwargs: P.kwargs) -> int:
+        try:
+            return command(*args, **kwargs)
+        except InputError as error:
+            return complain([str(error)])
+        except BrokenPipeError:  # the output is no longer read: `main` ends quietly
+            raise
+        except (SimulationError, OSError) as error:
+            complain([reason_of(error)])
+            return FAILED
+
+    return told
+
+
 def exit_code_of(command: Callable[[], int], again: str) -> int:
-    """The exit code of a command that makes many runs, with its mistakes and failures in one line each.
+    """The exit code of a command that makes many runs, as of one `in_one_line`.
 
     again: the same command, with which it goes on if it is interrupted.
     """
     try:
-        return command()
-    except InputError as error:
-        return complain([str(error)])
-    except (SimulationError, OSError) as error:
-        complain([reason_of(error)])
-        return FAILED
+        return in_one_line(command)()
     except signals.Interrupted:
         complain([f"complete runs are kept; to go on: the same command, {again}"])
         raise

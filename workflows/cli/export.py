@@ -7,14 +7,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.execution import complain
+from workflows.cli.execution import in_one_line
 from workflows.cli.inspect_run import require_run
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE
 from workflows.common.run_folder import check_folder
 from workflows.export.formats import Format, export_run
 
 
+@in_one_line
 def export(
     folder: Annotated[Path, Parameter(name="DIR", help="folder of a run, which may still go on")],
     /,
@@ -43,16 +43,10 @@ def export(
     quiet: Annotated[bool, Parameter(name="--quiet", help="print errors only", negative=())] = False,
 ) -> int:
     """Write a run for other programs: true surfaces of grains, trajectories, clumps, tables."""
-    try:
-        require_run(folder)
-        target = folder / f"export-{form}" if out is None else out
-        check_folder(target, "overwrite" if overwrite else "refuse", "--out", "--overwrite is given")
-        paths, count = export_run(folder, target, form, times, every)
-    except InputError as error:
-        return complain([str(error)])
-    except (SimulationError, OSError) as error:
-        complain([reason_of(error)])
-        return FAILED
+    require_run(folder)
+    target = folder / f"export-{form}" if out is None else out
+    check_folder(target, "overwrite" if overwrite else "refuse", "--out", "--overwrite is given")
+    paths, count = export_run(folder, target, form, times, every)
     if not quiet:
         print(f"export: {count} snapshot{'s' * (count != 1)}: {', '.join(map(str, paths))}")
     return COMPLETE

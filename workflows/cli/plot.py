@@ -7,13 +7,13 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.execution import complain
+from workflows.cli.execution import complain, in_one_line
 from workflows.cli.inspect_run import require_run
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE
 from workflows.common.run_folder import PLOTS, check_folder
 
 
+@in_one_line
 def plot(
     folder: Annotated[
         Path, Parameter(name="DIR", help="folder of a run, which may still go on, or of a comparison of runs")
@@ -48,18 +48,12 @@ def plot(
 
     names = [] if what is None else [name.strip() for name in what.split(",")]
     drawn = 0
-    try:
-        require_run(folder)
-        for run, target in runs_to_draw(folder, folder / PLOTS if out is None else out):
-            check_folder(target, "overwrite", "--out")
-            target.mkdir(parents=True, exist_ok=True)
-            paths, missing = draw_figures(run, target, names, times, kind, None if quiet else print)
-            drawn += len(paths)
-            if missing and not quiet:
-                print(*(f"not drawn: {name}: {why}" for name, why in missing.items()), sep="\n")
-    except InputError as error:
-        return complain([str(error)])
-    except (SimulationError, OSError) as error:
-        complain([reason_of(error)])
-        return FAILED
+    require_run(folder)
+    for run, target in runs_to_draw(folder, folder / PLOTS if out is None else out):
+        check_folder(target, "overwrite", "--out")
+        target.mkdir(parents=True, exist_ok=True)
+        paths, missing = draw_figures(run, target, names, times, kind, None if quiet else print)
+        drawn += len(paths)
+        if missing and not quiet:
+            print(*(f"not drawn: {name}: {why}" for name, why in missing.items()), sep="\n")
     return COMPLETE if drawn else complain([f"{folder}: none of the figures can be drawn from its files"])

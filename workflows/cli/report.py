@@ -7,14 +7,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from taichi_lsm.core.errors import InputError, SimulationError
-from workflows.cli.execution import complain
+from workflows.cli.execution import in_one_line
 from workflows.cli.how_far import how_far
 from workflows.cli.inspect_run import require_run
-from workflows.common.exit_codes import COMPLETE, FAILED, reason_of
+from workflows.common.exit_codes import COMPLETE
 from workflows.report.page import PAGE, write_report
 
 
+@in_one_line
 def report(
     folder: Annotated[
         Path,
@@ -27,14 +27,8 @@ def report(
 ) -> int:
     """Write a page about a run that needs nothing else: figures, metrics, parameters, energies, provenance, files."""
     target = folder / PAGE if out is None else out
-    try:
-        files, runs = require_run(folder)
-        count = write_report(folder, files, runs, target, how_far(folder))
-    except InputError as error:
-        return complain([str(error)])
-    except (SimulationError, OSError) as error:
-        complain([reason_of(error)])
-        return FAILED
+    files, runs = require_run(folder)
+    count = write_report(folder, files, runs, target, how_far(folder))
     if not quiet:
         print(f"report: {target}, {count} figure{'s' * (count != 1)}")
     return COMPLETE
